@@ -25,7 +25,7 @@ SITE_SOURCES = README.md CHANGELOG.md $(shell find docs src/grabberd/library -na
 OF_PACKAGE := test_deb.py test_first_day.py
 ONE_THREAD := OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 MKL_NUM_THREADS=1
 
-.PHONY: help run test check check-page types npm pytest test-affected test-browser test-installed browser mosquitto ffmpeg promtool screenshots test-vm test-wheel test-pythons sizes test-install test-deb test-vm-deb test-container wheel sdist deb check-units install rollback uninstall bundle bench profile measured soak soak-clients soak-load soak-faults armour faults fuzz setups footage audit house walls docs site format lock clean
+.PHONY: help run test check check-page types npm pytest test-affected test-browser test-installed browser mosquitto ffmpeg promtool screenshots test-vm test-wheel test-pythons sizes test-install test-deb test-vm-deb test-container wheel sdist deb check-units install rollback uninstall bundle bench profile measured soak soak-clients soak-load soak-faults armour hostile faults fuzz setups footage audit world house walls docs site format lock clean
 
 help:  ## this list
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/^([a-z-]+):.*## /  make \1\t/' | expand -t 20
@@ -66,8 +66,9 @@ define installed
 endef
 
 # Where the environment forbids bytecode, each of the many daemons in the tests would compile all modules anew.
+# A service has ten threads; what they leave in glibc's arenas, of which there are sixteen, would stay for ever.
 pytest: $(READY) mosquitto ffmpeg mkvtoolnix promtool  ## the tests alone, on all processors
-	PYTHONDONTWRITEBYTECODE= $(BIN)/python -m pytest --numprocesses $(WORKERS) --dist loadfile --no-loadscope-reorder
+	PYTHONDONTWRITEBYTECODE= MALLOC_ARENA_MAX=2 $(BIN)/python -m pytest --numprocesses $(WORKERS) --dist loadfile --no-loadscope-reorder
 
 test-browser: $(READY) browser  ## the operator's page in a real browser, before a real daemon
 	PYTHONDONTWRITEBYTECODE= $(BIN)/python -m pytest tests/browser -rs --numprocesses auto --dist loadfile --no-loadscope-reorder
@@ -187,6 +188,9 @@ soak-faults: $(READY)
 armour: $(READY)  ## attacks on the HTTP front (DURATION=… seconds each): quiet, beside busy loops, with few descriptors
 	OPENBLAS_NUM_THREADS=1 PYTHONPATH=tests $(BIN)/python -m tests.proofs.bench armour --seconds $(or $(DURATION),10) --write docs/measured.md
 
+hostile: $(READY)  ## captures that are made to be heavy, and many who ask for them (DURATION=… seconds), into docs/measured.md
+	OPENBLAS_NUM_THREADS=1 PYTHONPATH=tests $(BIN)/python -m tests.proofs.bench hostile --seconds $(or $(DURATION),20) --write docs/measured.md
+
 faults: $(READY)  ## every fault of grabber, disk, clock and clients, done to the whole daemon, into docs/reference/faults.md
 	$(BIN)/python -m tests.proofs.faults --write docs/reference/faults.md
 
@@ -199,8 +203,11 @@ setups: $(READY)  ## every wrong set-up of a calibration, and what the user is t
 footage: $(READY) ffmpeg  ## recordings in every container with every fault, and what comes of them, into docs/reference/footage.md
 	$(ONE_THREAD) PYTHONPATH=tests $(BIN)/python -m proofs.footage --write docs/reference/footage.md
 
-audit: $(READY)  ## the account of fields in a thousand (or SEEDS=…) runs and a daemon, both with everything going wrong, into docs/reference/audit.md
-	$(ONE_THREAD) PYTHONPATH=tests:tests/support $(BIN)/python -m tests.proofs.audit --seeds $(or $(SEEDS),1000) --real-time --write docs/reference/audit.md
+world: $(READY)  ## the whole daemon in simulated time and in every pair of faults: a thousand worlds (SEEDS=…, SEEDS=7:8 one again), into docs/reference/worlds.md; MUTANTS=120: those that worlds notice
+	$(ONE_THREAD) PYTHONPATH=.:tests $(BIN)/python -m tests.proofs.$(if $(MUTANTS),world.mutants --count $(MUTANTS),world --seeds $(or $(SEEDS),1000) $(if $(findstring :,$(SEEDS)),,--write docs/reference/worlds.md))
+
+audit: $(READY)  ## the account of fields in ten thousand (or SEEDS=…) runs and a daemon, both with everything going wrong, into docs/reference/audit.md
+	$(ONE_THREAD) PYTHONPATH=tests:tests/support $(BIN)/python -m tests.proofs.audit --seeds $(or $(SEEDS),10000) --real-time --write docs/reference/audit.md
 
 walls: $(READY)  ## the simulated liner's walls, solved anew (about an hour on two processors; NAMES='thin-round …')
 	$(ONE_THREAD) nice $(BIN)/python -m tools.liner_wall drivers/grabberd_fake/walls $(NAMES)

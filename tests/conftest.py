@@ -7,10 +7,13 @@ How long each file's tests take is kept for `make test-affected`. Services show 
 where these are not the subject.
 """
 
+import ctypes
 import gc
 import os
 import signal
+import sys
 from collections.abc import Iterator
+from functools import _lru_cache_wrapper
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -81,11 +84,33 @@ def pytest_collection_finish() -> None:
 
 
 @pytest.hookimpl(trylast=True)
-def pytest_runtest_teardown() -> None:
+def pytest_runtest_teardown(item: pytest.Item, nextitem: pytest.Item | None) -> None:
     """Lets go of what refers to itself: a picture is a single object to the collector, which would wait for
-    thousands of them.
+    thousands of them. What has outlived a few collections goes with the last test of its file.
     """
-    gc.collect(1)
+    if nextitem and nextitem.path == item.path:
+        gc.collect(1)
+        return
+    if not nextitem or nextitem.path.parent != item.path.parent:
+        _forget()
+    gc.collect(2)
+    _trim()
+
+
+def _forget() -> None:
+    """Pictures and what is measured in them, which the tests' modules keep, serve the files of one folder."""
+    folder = str(HERE)
+    for module in list(sys.modules.values()):
+        if (getattr(module, "__file__", None) or "").startswith(folder):
+            for value in list(vars(module).values()):
+                if isinstance(value, _lru_cache_wrapper):
+                    value.cache_clear()
+
+
+def _trim() -> None:
+    """Gives back what the C library keeps of memory that is free."""
+    if trim := getattr(ctypes.CDLL(None), "malloc_trim", None):
+        trim(0)
 
 
 def pytest_configure(config: pytest.Config) -> None:

@@ -12,6 +12,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from grabberd_fake.faults import Knock
 from grabberd_fake.optics import COLUMNS
 from grabberd_fake.options import DriverOptions, FakeOptions
 from grabberd_fake.render import ROWS
@@ -74,6 +75,8 @@ class RecordedWorld:
 
 
 def world_of(options: FakeOptions) -> World | RecordedWorld:
-    """A recorded world, unless the scene's period, its gain or its lamp would tell the copies apart."""
+    """A recorded world, unless the scene's period, its gain, its lamp or a knock would tell copies apart."""
+    if any(isinstance(fault, Knock) for fault in options.faults):
+        return World(options)
     repeats = options.liner.period_s == options.ellipse.period_s == 1.0 and options.picture.agc_level is None
     return RecordedWorld(options) if repeats and not options.light.diameter_px else World(options)

@@ -260,3 +260,27 @@ def test_programs_on_this_computer_find_the_daemon_at_its_configured_address(
     if http.pop("tls", False):
         http["tls"] = {"certificate": str(tmp_path / "pem"), "key": str(tmp_path / "pem")}
     assert HttpConfig.model_validate(http).url == url
+
+
+@pytest.mark.parametrize(
+    ("places", "problem"),
+    [
+        ([(45, 37), (46, 38), (314, 508)], "marks 1 and 2 are 1.41 px apart"),
+        ([(45, 37), (314, 508), (404, 66)], "the right view has a single mark"),
+        ([(45, 37), (314, 570)], "mark 2 at column 314, line 570 lies less than 15 px inside a view"),
+        ([(45, 37), (355, 508)], "mark 2 at column 355"),
+        ([(45, 37), (314, 508)], None),
+        ([], None),
+    ],
+)
+def test_marks_that_cannot_be_located_are_refused_with_the_reason(
+    tmp_path: Path, places: list[tuple[int, int]], problem: str | None
+) -> None:
+    marks = ", ".join(f"{{x_px: {x}, y_px: {y}}}" for x, y in places)
+    text = f"devices: {{one: {{driver: fake, marks: [{marks}]}}}}\n"
+    if problem:
+        (message,) = problems_of(tmp_path, text).values()
+        assert problem in message
+    else:
+        (tmp_path / "grabberd.yaml").write_text(text)
+        assert len(load_config(tmp_path / "grabberd.yaml").devices["one"].marks) == len(places)

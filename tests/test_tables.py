@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from grabberd.bounded_documents import decoded
-from grabberd.tables import MOST_ROWS, Column, Table, TableError, keyed_cells
+from grabberd.tables import MOST_ROWS, Column, Table, TableError, keyed_cells, number_of
 
 ROWS = 60
 KPA = [42 + (k % 7) / 8 for k in range(ROWS)]
@@ -277,3 +277,9 @@ def test_whatever_stands_before_a_header_its_rows_fit_it_or_are_refused(text):
     except TableError:
         return
     assert lengths <= {len(table.columns)}
+
+
+@pytest.mark.parametrize("cell", ["1e31", "-1e308", "1e999"])
+def test_a_number_that_cannot_be_reckoned_with_is_none(cell: str) -> None:
+    assert number_of(cell) is None
+    assert number_of("1e30") == 1e30

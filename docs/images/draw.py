@@ -30,9 +30,9 @@ from grabberd_liner.analysis.pulsation.movement import TimedPoints
 from grabberd_liner.analysis.surface.surface import Surface
 from grabberd_liner.chain.analysis.analyse import analyse
 from grabberd_liner.chain.analysis.analysis_document import analysis_document
-from grabberd_liner.chain.analysis.field_points import FieldPoints
 from grabberd_liner.chain.analysis.inputs import read_inputs
 from grabberd_liner.chain.analysis.tables import tables
+from grabberd_liner.chain.analysis.wall_state import FieldPoints
 from grabberd_liner.render import synthetic_view
 from grabberd_liner.render.model_pictures import Gallery, Modelling
 from grabberd_liner.render.wire_model import SIDES, Look

@@ -10,7 +10,7 @@ from pydantic import BaseModel
 from pydantic.fields import FieldInfo
 from pydantic_core import PydanticUndefined
 
-from grabberd.archive.calibrations.calibration_frames import CALIBRATION_FRAME_KEYS
+from grabberd.archive.calibrations.calibration_catalog import CALIBRATION_FRAME_KEYS
 from grabberd.archive.export.channels_export import CHANNEL_COLUMNS
 from grabberd.archive.export.points_columns import (
     CLOUD_COLUMNS,
@@ -29,8 +29,8 @@ from grabberd.schemas import known_forms, schema_of
 from grabberd.server.api import create_app
 from grabberd.server.daemon.service import Service
 from grabberd_liner.chain.analysis.columns import TABLES
-from grabberd_liner.chain.study.tables import TABLES as STUDY_TABLES
-from grabberd_liner.chain.study.tables import captures_spec
+from grabberd_liner.chain.study.study_document import TABLES as STUDY_TABLES
+from grabberd_liner.chain.study.study_document import captures_spec
 from grabberd_liner.profiles.documents import CowProfile, CupProfile, LinerProfile, PulsatorProfile
 
 HERE = Path(__file__).parent

@@ -16,8 +16,8 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from grabberd_fake import ellipse_liner
-from grabberd_fake.ellipse_liner import EllipseLiner, closure
+from grabberd_fake import liner as ellipse
+from grabberd_fake.liner import EllipseLiner, closure
 from grabberd_fake.liner_options import EllipseOptions
 from grabberd_fake.optics import Array
 from grabberd_fake.options import FakeOptions
@@ -333,9 +333,9 @@ def wall_sheet(options: EllipseOptions, closed: float, grid: tuple[int, int] = G
     depth = options.deflection_mm / radius * closed * np.cos(np.pi * x_mm) ** 2
     # The profile is symmetric: half of the sections would be computed twice.
     p, back = np.unique(1.0 - depth, return_inverse=True)
-    arcs, q = np.tile(2 * np.pi * arc, len(p)), ellipse_liner.widened(p).repeat(grid[1])
+    arcs, q = np.tile(2 * np.pi * arc, len(p)), ellipse.widened(p).repeat(grid[1])
     p = p.repeat(grid[1])
-    theta = ellipse_liner.eccentric_angle(p, q, arcs)
+    theta = ellipse.eccentric_angle(p, q, arcs)
     round_mm = radius * np.column_stack([0 * p, q * np.sin(theta), p * np.cos(theta)])
     places_mm = round_mm.reshape(-1, grid[1], 3)[back]
     places_mm[..., 2] += options.axis_z_mm

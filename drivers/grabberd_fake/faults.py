@@ -204,6 +204,21 @@ class Recount(Endless):
 
 
 @dataclass(frozen=True)
+class Knock(Endless):
+    """The camera, or the mirror of one view that is nearest to the object, is turned for good.
+
+    Attributes:
+        what: what is turned.
+        x_mrad: turn about the camera's x axis, along the lines; `y_mrad`, `z_mrad`: about its others.
+    """
+
+    what: str = choice("camera", "left", "right")
+    x_mrad: float = number(0.0, -50, 50)
+    y_mrad: float = number(0.0, -50, 50)
+    z_mrad: float = number(0.0, -50, 50)
+
+
+@dataclass(frozen=True)
 class Bunch(Lasting):
     """Fields reach the driver's buffers at the end of the fault, all at once: the bus stood still."""
 
@@ -296,6 +311,7 @@ KINDS: dict[str, type[Fault]] = {
     "clock_step": ClockStep,
     "turn": Turn,
     "recount": Recount,
+    "knock": Knock,
     "bunch": Bunch,
     "freeze": Freeze,
     "busy": Busy,

@@ -13,7 +13,6 @@ import numpy as np
 from grabberd.core.field import FieldOrder
 from grabberd.errors import Cause, DeviceAbsent, DeviceLost, DeviceRefused, StreamFailed
 from grabberd.instrument.acquisition.device import GrabbedField, Signal, StreamInfo
-from grabberd_fake.drawn_ahead import DrawnAhead
 from grabberd_fake.faults import (
     Busy,
     DeadInput,
@@ -31,7 +30,7 @@ from grabberd_fake.optics import COLUMNS
 from grabberd_fake.options import FakeOptions
 from grabberd_fake.render import ROWS
 from grabberd_fake.stage import REARRANGED, Stage
-from grabberd_fake.stream import Pictures, Stream
+from grabberd_fake.stream import DrawnAhead, Pictures, Stream
 from grabberd_fake.world import World
 
 _NTSC_ROWS = 240

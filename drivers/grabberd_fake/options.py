@@ -59,8 +59,26 @@ class CameraOptions:
 
 
 @dataclass(frozen=True, slots=True)
+class PointOption:
+    """A disc of the scene `points`, or on the cup; it faces along (nx, ny, nz), by default up."""
+
+    id: int = ruled(Number(0, 2**31 - 1, whole=True))
+    x_mm: float = ruled(Number(-200, 200))
+    y_mm: float = ruled(Number(-200, 200))
+    z_mm: float = ruled(Number(-100, 100))
+    nx: float = number(0.0, -1, 1)
+    ny: float = number(0.0, -1, 1)
+    nz: float = number(1.0, -1, 1)
+
+    def check(self) -> Iterator[str]:
+        """Problems that involve several keys."""
+        if self.nx == self.ny == self.nz == 0:
+            yield "nx, ny, nz: all zero"
+
+
+@dataclass(frozen=True, slots=True)
 class RigOptions:
-    """Camera and mirrors.
+    """Camera, mirrors and cup.
 
     Attributes:
         base_mm: nominal distance of the virtual projection centres.
@@ -73,6 +91,7 @@ class RigOptions:
         camera_shift_mm: σ of the camera's displacement along each axis.
         mirror_error_px: rms over a half picture of the mirrors' local unmodelled displacements.
         seed: seed of misalignments and mirror errors; each seed is one particular rig.
+        marks: discs fixed to the cup, of the targets' diameter, which no object knows.
     """
 
     base_mm: float = number(128.0, 20, 400)
@@ -85,6 +104,7 @@ class RigOptions:
     camera_shift_mm: float = number(0.5, 0, 5)
     mirror_error_px: float = number(0.06, 0, 2)
     seed: int = integer(1, 0, 2**32 - 1)
+    marks: tuple[PointOption, ...] = ruled(ListOf(Group(PointOption)), ())
 
 
 @dataclass(frozen=True, slots=True)
@@ -167,24 +187,6 @@ class DriverOptions:
         """Problems that involve several keys."""
         if self.order not in ("alternate", "progressive") and self.counts == "frames":
             yield "counts: the fields of a frame come together; count 'fields' or 'nothing'"
-
-
-@dataclass(frozen=True, slots=True)
-class PointOption:
-    """One target of the scene `points`; its disc faces along (nx, ny, nz), toward the cameras by default."""
-
-    id: int = ruled(Number(0, 2**31 - 1, whole=True))
-    x_mm: float = ruled(Number(-200, 200))
-    y_mm: float = ruled(Number(-200, 200))
-    z_mm: float = ruled(Number(-100, 100))
-    nx: float = number(0.0, -1, 1)
-    ny: float = number(0.0, -1, 1)
-    nz: float = number(1.0, -1, 1)
-
-    def check(self) -> Iterator[str]:
-        """Problems that involve several keys."""
-        if self.nx == self.ny == self.nz == 0:
-            yield "nx, ny, nz: all zero"
 
 
 SCENES = ("liner", "ellipse", "calibration_frame", "accuracy_object", "blank", "points")

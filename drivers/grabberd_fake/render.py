@@ -15,8 +15,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from grabberd_fake.discs import Ellipses
-from grabberd_fake.optics import COLUMNS, HALF, LINES, Array
+from grabberd_fake.optics import COLUMNS, HALF, LINES, Array, Ellipses
 from grabberd_fake.options import PictureOptions
 
 ROWS = LINES // 2

@@ -11,11 +11,22 @@ from typing import NamedTuple, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from grabberd_fake.discs import Ellipses, Targets, disc_images, facing, grid_numbers, light_image, smeared
-from grabberd_fake.ellipse_liner import EllipseLiner
+from grabberd_fake.faults import Knock
 from grabberd_fake.light_options import share_lit
-from grabberd_fake.liner import Liner
-from grabberd_fake.optics import Array, View, build_views
+from grabberd_fake.liner import EllipseLiner, Liner
+from grabberd_fake.optics import (
+    Array,
+    Ellipses,
+    Targets,
+    View,
+    build_views,
+    disc_images,
+    facing,
+    grid_numbers,
+    knocked,
+    light_image,
+    smeared,
+)
 from grabberd_fake.options import FakeOptions, PointOption
 from grabberd_fake.render import ROWS, Renderer, Sensor
 from grabberd_fake.stamp import Stamp, write_stamp
@@ -50,10 +61,13 @@ class World:
     """Scene, optics and camera."""
 
     waited_ns = 0  # pictures are drawn when they are asked for
+    origin = 0
 
     def __init__(self, options: FakeOptions) -> None:
         self._options = options
         self.views = build_views(options)
+        self._knocks = [fault for fault in options.faults if isinstance(fault, Knock)]
+        self._marks = own_points(options.rig.marks).nominal()
         self.scene = build_scene(options)
         self._renderer = Renderer(options.picture)
         self._sensor = Sensor(options.picture)
@@ -73,7 +87,7 @@ class World:
     def picture(self, field: int, out: NDArray[np.uint8]) -> None:
         """Writes the luma of the camera's field number `field` into `out`, (288, 720) or (576, 720)."""
         driver, rng = self._options.driver, self.random(field)
-        exposed = self._exposed(field * driver.period_ns)
+        exposed = self._exposed(field * driver.period_ns, self._views_in(field))
         for parity in (0, 1) if driver.is_progressive else (field % 2,):
             shift_px = rng.normal(0, self._options.picture.jitter_px, ROWS)
             canvas = self._renderer.draw(exposed, parity, shift_px)
@@ -85,13 +99,24 @@ class World:
         """The random numbers of a field."""
         return random_of(self._options.seed, field)
 
-    def _exposed(self, time_ns: int) -> tuple[Ellipses, Ellipses]:
+    def _views_in(self, field: int) -> tuple[View, View]:
+        """The views as the knocks up to a field have left them."""
+        views = self.views
+        for knock in self._knocks:
+            if knock.paced(self._options.driver.rate_hz).first <= field - self.origin:
+                views = knocked(views, knock.what, (knock.x_mrad, knock.y_mrad, knock.z_mrad))
+        return views
+
+    def _exposed(self, time_ns: int, views: tuple[View, View]) -> tuple[Ellipses, Ellipses]:
         targets = self.scene.targets(time_ns)
         half_ns = round(self._options.picture.exposure_ms * 0.5e6)
         ends = None
         if self.scene.moves and half_ns > 0:
             ends = self.scene.targets(time_ns - half_ns), self.scene.targets(time_ns + half_ns)
-        left, right = (self._seen(view, targets, ends) for view in self.views)
+        left, right = (self._seen(view, targets, ends) for view in views)
+        if self._options.rig.marks:
+            marks = (self._seen(view, self._marks, None) for view in views)
+            left, right = (Ellipses.joined(both) for both in zip((left, right), marks, strict=True))
         if self._options.light.diameter_px > 0:
             share = share_lit(self._options.light, time_ns, 2 * half_ns)
             lamp = light_image(self._options.light, share)

@@ -5,7 +5,7 @@ import re
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 
-from grabberd.instrument.acquisition.discovery import (
+from grabberd.instrument.acquisition.device import (
     SYSTEM,
     FoundDevice,
     Roots,

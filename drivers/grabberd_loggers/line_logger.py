@@ -5,7 +5,7 @@ from typing import Any, ClassVar, NamedTuple, Protocol
 from grabberd.clock import Clock, SystemClock
 from grabberd.core.channels import Anomaly, Dating, LoggerInfo, Readings
 from grabberd.errors import DeviceLost, DeviceRefused, StreamFailed
-from grabberd_loggers.lines import LineBuffer, LineReadings
+from grabberd_loggers.lines import LineBuffer, LineReadings, Refused
 from grabberd_loggers.options import LineOptions, read_options
 
 HEADER_S = 5.0
@@ -34,14 +34,16 @@ class Received(NamedTuple):
     """Delivery of a source.
 
     Attributes:
-        data: Bytes of lines, complete or not.
+        data: Bytes of lines, complete or not, of a source that separates them by their ends.
         anomalies: Reason and example of what else happened.
         starts_anew: True if the bytes begin a line, whatever came before.
+        lines: Lines of a source that delivers them one by one, such as messages, whatever is in them.
     """
 
     data: bytes = b""
     anomalies: tuple[tuple[str, str], ...] = ()
     starts_anew: bool = False
+    lines: tuple[str | Refused, ...] = ()
 
 
 class Source(Protocol):
@@ -126,14 +128,15 @@ class LineLogger:
 
     def _take(self, lines: LineReadings, received: Received) -> Readings:
         now_ns = self._clock.now_ns()
+        unended = received.starts_anew and self._buffer.is_amid_a_line
         if received.starts_anew:
             self._buffer = LineBuffer()
         texts, overlong = self._buffer.feed(received.data)
-        readings = lines.take(texts, now_ns)
-        noticed = [*received.anomalies, *[(OVERLONG, "")] * overlong]
-        if not noticed:
+        refused = [Refused(OVERLONG, "")] * (unended + overlong)
+        readings = lines.take([*refused, *texts, *received.lines], now_ns)
+        if not received.anomalies:
             return readings
-        anomalies = tuple(Anomaly(now_ns, reason, example) for reason, example in noticed)
+        anomalies = tuple(Anomaly(now_ns, reason, example) for reason, example in received.anomalies)
         return readings._replace(anomalies=(*anomalies, *readings.anomalies))
 
     def _await_header(self, lines: LineReadings) -> None:

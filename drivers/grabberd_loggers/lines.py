@@ -55,6 +55,11 @@ class LineBuffer:
         self._rest = b""
         self._is_overlong = False
 
+    @property
+    def is_amid_a_line(self) -> bool:
+        """True if a line has begun and not ended."""
+        return bool(self._rest.strip())
+
     def push_back(self, data: bytes) -> None:
         """Put bytes before what has come since the last complete line."""
         self._rest = data + self._rest
@@ -252,11 +257,25 @@ _WRAPPED_NS = 60e9
 """Longest time after the last reading at which a counter is believed to have wrapped."""
 
 
+class Refused(NamedTuple):
+    """A refusal in place of a line, or of several, with a reading each.
+
+    Attributes:
+        reason: A few words that are the same each time.
+        example: What it was.
+        lines: Number of lines that it stands for.
+    """
+
+    reason: str
+    example: str
+    lines: int = 1
+
+
 class LineReadings:
     """Turns a logger's lines into readings.
 
     Args:
-        line_format: Format of the lines; None until a header has told it.
+        line_format: Format of the lines; None until a header has given it.
         rate_hz: Readings per second, if lines without a time come at a steady rate.
         begins_anywhere: True if the first line may have lost its beginning.
     """
@@ -277,7 +296,7 @@ class LineReadings:
         has_time = self.format is not None and self.format.time_unit_ns is not None
         return Dating.OWN_CLOCK if has_time or self._rate_hz else Dating.ARRIVAL
 
-    def take(self, lines: Sequence[str], arrival_ns: int) -> Readings:
+    def take(self, lines: Sequence[str | Refused], arrival_ns: int) -> Readings:
         """Readings and anomalies of lines that arrived together.
 
         Raises:
@@ -287,6 +306,9 @@ class LineReadings:
         own_ns: list[int] = []
         values: list[tuple[float, ...]] = []
         for text in lines:
+            if isinstance(text, Refused):
+                anomalies.append(self._refused(text, arrival_ns))
+                continue
             line = self._line(text, arrival_ns, anomalies)
             if line is not None:
                 own_ns.append(self._own_ns(line))
@@ -308,12 +330,10 @@ class LineReadings:
         ):
             return None
         line = self.format.read(text)
-        self._counted += 1  # also for nonsense: a reading was taken
         if isinstance(line, str):
-            # Where lines carry a time, the gap in it counts what is lost.
-            lost = 0 if self.format.time_unit_ns is not None else 1
-            anomalies.append(Anomaly(arrival_ns, line, _shown(text), lost))
+            anomalies.append(self._refused(Refused(line, _shown(text)), arrival_ns))
             return None
+        self._counted += 1
         if line.time_ns is not None and line.time_ns + self._wraps_ns == self._newest_own_ns:
             anomalies.append(Anomaly(arrival_ns, REPEATED, _shown(text)))
             return None
@@ -321,6 +341,12 @@ class LineReadings:
             step_ns = self.format.time_step_ns(text) if line.time_ns is not None else 0.0
             self._relation = ClockRelation(resolution_ns=step_ns)
         return line
+
+    def _refused(self, refused: Refused, arrival_ns: int) -> Anomaly:
+        self._counted += refused.lines  # a reading was taken, whatever has become of it
+        # Where lines carry a time, the gap in it counts what is lost.
+        has_time = self.format is None or self.format.time_unit_ns is not None
+        return Anomaly(arrival_ns, refused.reason, refused.example, 0 if has_time else refused.lines)
 
     def take_units(self, text: str) -> bool:
         """Takes the units of the line below a header; False if it is no such line.

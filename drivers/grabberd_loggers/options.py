@@ -6,6 +6,7 @@ from typing import Any, TypeVar
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, field_validator
 
 from grabberd.bounded_documents import as_written
+from grabberd.errors import said
 from grabberd_loggers.lines import LineFormat
 
 Model = TypeVar("Model", bound=BaseModel)
@@ -60,5 +61,5 @@ def _in_words(model: type[BaseModel], problem: Any) -> str:
         return f"{key}: unknown option; known are {', '.join(model.model_fields)}"
     if problem["type"] == "missing":
         return f"{key}: missing"
-    message, given = problem["msg"].removeprefix("Value error, "), repr(problem["input"])
+    message, given = said(problem["msg"]), repr(problem["input"])
     return f"{key}: {message}" if given in message else f"{key}: {message}, not {given}"

@@ -1,4 +1,4 @@
-"""Feeds a device's outlets from a running daemon, for as long as it is not told to stop."""
+"""Feeds a device's outlets from a running daemon, until it is stopped."""
 
 import threading
 from collections.abc import Callable
@@ -8,8 +8,7 @@ from urllib.parse import quote, urlencode
 from grabberd.client.daemon import Daemon
 from grabberd.client.points_stream import follow_points
 from grabberd.errors import GrabberdError, InputError, NotReady
-from grabberd_lsl.events import DeviceEvents, Event
-from grabberd_lsl.outlets import LslClock, Outlets, PointsLayout
+from grabberd_lsl.outlets import DeviceEvents, Event, LslClock, Outlets, PointsLayout
 
 ASK_EVERY_S = 0.5
 AGAIN_S = 2.0
@@ -76,7 +75,7 @@ def _tell_events(daemon: Daemon, outlets: Outlets, stopped: threading.Event) -> 
     events, answers, heard = DeviceEvents(), True, False
     while not stopped.wait(ASK_EVERY_S):
         if outlets.is_heard and not heard:
-            events.repeat_health()  # what was told to nobody is not kept
+            events.repeat_health()  # what no consumer received is not kept
         heard = outlets.is_heard
         try:
             state, captures = _asked(daemon, outlets.device)

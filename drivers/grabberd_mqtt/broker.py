@@ -13,6 +13,8 @@ from contextlib import asynccontextmanager, suppress
 from typing import Any
 
 import aiomqtt
+from paho.mqtt.packettypes import PacketTypes
+from paho.mqtt.properties import Properties
 from paho.mqtt.reasoncodes import ReasonCode
 
 from grabberd.config.daemon import MqttConfig, MqttTlsConfig
@@ -23,6 +25,10 @@ ACKNOWLEDGED_S = 10.0
 FAREWELL_S = 2.0
 QOS = 1
 """At least once: a receiver tells a repeated summary by its `capture_id`."""
+LARGEST_PACKET = 1 << 16
+"""Bytes of a packet from the broker, which only acknowledges; by itself the library collects 256 MB."""
+_PUBLISH = 0x30
+"""Type of a message's packet, in the upper half of its first byte."""
 _HINT = "check mqtt in the configuration and the broker's log; under systemd install the drop-in egress.conf"
 
 _silent = logging.getLogger(f"{__name__}.client")
@@ -46,7 +52,7 @@ class Connection:
         try:
             await self._client.publish(message.topic, text, QOS, message.retained, timeout=timeout_s)
         except aiomqtt.MqttError as error:
-            raise _not_ready(error) from error
+            raise self._client.not_ready(error) from error
         if self._client.refusal is not None:
             words = f"the broker refuses {message.topic}: {self._client.refusal}"
             raise NotReady(
@@ -77,7 +83,7 @@ class Connection:
             async for _ in self._client.messages:
                 pass
         except aiomqtt.MqttError as error:
-            raise NotReady(f"the broker is gone: {error.__cause__}", _HINT) from error
+            raise NotReady(f"the broker is gone: {self._client.excess or error.__cause__}", _HINT) from error
 
 
 class Broker:
@@ -114,7 +120,7 @@ class Broker:
                     with suppress(NotReady):
                         await connection.publish(farewell, FAREWELL_S)
         except aiomqtt.MqttError as error:
-            raise _not_ready(error) from error
+            raise client.not_ready(error) from error
         finally:
             client.close_socket()
 
@@ -130,6 +136,7 @@ class Broker:
             will=aiomqtt.Will(farewell.topic, _text(farewell), QOS, farewell.retained),
             clean_start=True,
             keepalive=self._config.keepalive_s,
+            properties=_largest_packet(),
             timeout=ACKNOWLEDGED_S,
             tls_context=self._context,
             logger=_silent,
@@ -146,9 +153,38 @@ class Broker:
 
 
 class _Client(aiomqtt.Client):
-    """Keeps the reason code of an acknowledgement, which aiomqtt ignores."""
+    """Keeps the reason code of an acknowledgement, which aiomqtt ignores.
 
-    refusal: ReasonCode | None = None
+    It ends the connection at the first bytes of what an honest broker never sends: a message, as nothing is
+    subscribed to, or a packet that announces more than an acknowledgement can have.
+
+    Attributes:
+        refusal: Reason code of the last acknowledgement, if it is a refusal.
+        excess: What the broker sent and why the connection was ended for it; None if it sent nothing of that.
+    """
+
+    def __init__(self, *args: Any, **options: Any) -> None:
+        super().__init__(*args, **options)
+        self.refusal: ReasonCode | None = None
+        self.excess: str | None = None
+        self._receive = self._client._sock_recv
+        self._client._sock_recv = self._receive_bounded  # type: ignore[method-assign]
+
+    def not_ready(self, error: aiomqtt.MqttError) -> NotReady:
+        """The exception to be raised for an error of this connection."""
+        cause = self.excess or error.__cause__
+        words = f"{error}: {cause}" if cause else str(error)
+        return NotReady(f"the broker cannot be reached: {words}", _HINT)
+
+    def _receive_bounded(self, bufsize: int) -> bytes:
+        packet = self._client._in_packet
+        if packet["command"] & 0xF0 == _PUBLISH:
+            self.excess = "it sends a message, although nothing is subscribed to"
+        elif packet["remaining_length"] > LARGEST_PACKET:
+            self.excess = f"it announces a packet of more than {LARGEST_PACKET} bytes"
+        else:
+            return self._receive(bufsize)
+        raise ConnectionError(self.excess)
 
     def _on_publish(
         self, client: Any, userdata: Any, mid: int, reason_code: ReasonCode, properties: Any
@@ -181,7 +217,7 @@ def _text(message: Message) -> str:
     return json.dumps(message.content, ensure_ascii=False, separators=(",", ":"))
 
 
-def _not_ready(error: aiomqtt.MqttError) -> NotReady:
-    cause = error.__cause__
-    words = f"{error}: {cause}" if cause else str(error)
-    return NotReady(f"the broker cannot be reached: {words}", _HINT)
+def _largest_packet() -> Properties:
+    properties = Properties(PacketTypes.CONNECT)  # type: ignore[no-untyped-call]
+    properties.MaximumPacketSize = LARGEST_PACKET
+    return properties

@@ -8,7 +8,7 @@ from urllib.parse import quote
 from grabberd.core.ledger import Outcome
 from grabberd.documents.captures import CaptureDocument
 from grabberd.documents.devices import DeviceDocument
-from grabberd.documents.document import Document, JsonObject
+from grabberd.documents.document import Document, JsonObject, assembled
 from grabberd.documents.mqtt import CaptureSummary, DeviceStateMessage, DeviceTopic, LedgerSummary, Topic
 from grabberd.documents.state import StorageDocument
 from grabberd.extension import extensions, load
@@ -83,17 +83,14 @@ def device_state(device: DeviceDocument, storage: StorageDocument) -> DeviceStat
     """
     calibration, health = device.calibration, device.health
     lacks = {one.lacks for one in device.lacks}
-    return DeviceStateMessage(
+    return assembled(
+        DeviceStateMessage,
+        device,
         device=device.name,
-        state=device.state,
-        since_utc=device.since_utc,
-        cause=device.cause,
-        cause_code=device.cause_code,
         health=health.level,
         health_part=health.part,
         health_word=health.parts[health.part].word if health.part else None,
         hint=health.hint,
-        signal=device.signal,
         rate_hz=None if device.rate_hz is None else round(device.rate_hz),
         fields_lost=device.fields[Outcome.LOST],
         fields_damaged=device.fields[Outcome.DAMAGED],
@@ -102,7 +99,6 @@ def device_state(device: DeviceDocument, storage: StorageDocument) -> DeviceStat
         calibration_id=calibration.id if calibration else None,
         calibration_fits="calibration" not in lacks if calibration else None,
         rig=device.rig.verdict if device.rig else None,
-        capture_id=device.capture_id,
         disk_minutes_left=_two_digits(storage.minutes_left),
     )
 
@@ -125,29 +121,22 @@ def capture_summary(
         calibration_id: Calibration that its latest points were measured with; None without points.
     """
     ledger, covered = document.ledger, document.coverage
-    return CaptureSummary(
+    return assembled(
+        CaptureSummary,
+        document,
         capture_id=document.id,
         group_id=document.group.id if document.group else None,
-        device=document.device,
-        state=document.state,
-        verdict=document.verdict,
         coverage_verdict=covered.verdict if covered else None,
         coverage_in_words=covered.in_words if covered else None,
         share_found=covered.share if covered else None,
         channels_verdict=document.channels.verdict if document.channels else None,
         channels_in_words=document.channels.in_words if document.channels else None,
-        ended_because=document.ended_because,
         started_utc=document.created_utc,
         duration_s=round(sum(ledger.counts.values()) / rate_hz, 3),
-        fields=document.fields,
-        ledger=LedgerSummary(in_words=ledger.in_words, counts=ledger.counts),
-        bits=document.bits,
-        lines=document.lines,
-        labels=document.labels,
+        ledger=assembled(LedgerSummary, ledger),
         site=dict(site),
         calibration_id=calibration_id,
         file=file,
-        size_bytes=document.size_bytes,
     )
 
 

@@ -13,8 +13,7 @@ from grabberd.archive.state.state_database import StateStore
 from grabberd.config import Config
 from grabberd.config.daemon import MqttConfig
 from grabberd.errors import ConfigError, ExtraMissing, Problem
-from grabberd.server.daemon.service import Service
-from grabberd.server.daemon.service_part import ServicePart
+from grabberd.server.daemon.service import Service, ServicePart
 
 if TYPE_CHECKING:
     from grabberd_mqtt.home_assistant import Announcements
@@ -78,8 +77,7 @@ def _publisher(service: Service, config: Config, mqtt: MqttConfig) -> "Publisher
     from grabberd.archive.state.state_database import Outbox  # noqa: PLC0415
     from grabberd_mqtt.broker import Broker, tls_context  # noqa: PLC0415 - an optional extra
     from grabberd_mqtt.messages import Topics  # noqa: PLC0415
-    from grabberd_mqtt.publisher import Publisher  # noqa: PLC0415
-    from grabberd_mqtt.summary_queue import SummaryQueue  # noqa: PLC0415
+    from grabberd_mqtt.publisher import Publisher, SummaryQueue  # noqa: PLC0415
 
     barn, heal = config.site["barn"], service.state_keeper.heal
     context = None if mqtt.tls is None else tls_context(mqtt.tls)

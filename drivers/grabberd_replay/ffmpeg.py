@@ -23,8 +23,7 @@ import numpy as np
 
 from grabberd.core.field import FieldOrder
 from grabberd.errors import DeviceRefused, PictureError
-from grabberd_replay.decoder import INSTALL, Header, check_size
-from grabberd_replay.samples import STORED_BITS, Samples, from_colours
+from grabberd_replay.decoder import INSTALL, STORED_BITS, Header, Samples, check_size, from_colours
 
 # Only the containers that the first bytes have been compared with; a playlist names other files.
 _SAFE = (

@@ -55,7 +55,7 @@ class Names(NamedTuple):
         paths: the pictures.
         numbers: number of each, from 0 on; None where they have times.
         times_s: time of each; None where they have numbers.
-        remarks: what the names told, where it is not plain.
+        remarks: what was concluded from the names, where it is not obvious.
     """
 
     paths: list[Path]

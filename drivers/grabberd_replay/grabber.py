@@ -23,8 +23,7 @@ from grabberd.errors import (
 from grabberd.instrument.acquisition import GrabbedField, Signal, StreamInfo
 from grabberd_replay.folder import FolderSource
 from grabberd_replay.footage import FootageRecording, Options
-from grabberd_replay.manifest import MANIFEST, ManifestRecording
-from grabberd_replay.recording import Batch, Format, Recording
+from grabberd_replay.recording import MANIFEST, Batch, Format, ManifestRecording, Recording
 from grabberd_replay.video import KINDS, VideoSource, container_of
 
 _RECORDINGS = f"a capture file, a folder of pictures, or a video ({KINDS})"

@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from grabberd.errors import DeviceRefused
-from grabberd.files.held_files import hold
+from grabberd.files.disk import hold
 from grabberd_replay.decoder import INSTALL, Decoder
 from grabberd_replay.ffmpeg import PipedDecoder, probe
 from grabberd_replay.footage import Shown

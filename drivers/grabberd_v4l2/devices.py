@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from grabberd.errors import Cause, DeviceAbsent, DeviceRefused
-from grabberd.instrument.acquisition.discovery import SYSTEM, Roots, attribute, by_number
+from grabberd.instrument.acquisition.device import SYSTEM, Roots, attribute, by_number
 
 
 @dataclass(frozen=True, slots=True)

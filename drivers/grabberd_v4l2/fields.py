@@ -18,10 +18,9 @@ from grabberd.core.field import BOTTOM, PROGRESSIVE, TOP, Field, FieldOrder
 from grabberd.errors import DeviceRefused
 from grabberd_v4l2 import abi
 from grabberd_v4l2.abi import Arrangement
-from grabberd_v4l2.formats import luma
+from grabberd_v4l2.formats import SCAN_625, Scan, luma
 from grabberd_v4l2.node import Capability
 from grabberd_v4l2.profiles import Profile
-from grabberd_v4l2.standards import SCAN_625, Scan
 
 _STACKED = (Arrangement.SEQ_TB, Arrangement.SEQ_BT)
 _SINGLE = {Arrangement.TOP: TOP, Arrangement.BOTTOM: BOTTOM}

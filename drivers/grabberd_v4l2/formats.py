@@ -1,12 +1,174 @@
-"""Extraction of the luma from a buffer, for each pixel format, including JPEG.
+"""Video standards, and extraction of the luma from a buffer for each pixel format, including JPEG.
 
 A broken JPEG is reported as damage and never ends the stream.
+
+Sizes, pixel formats and rates that a camera without a video standard offers, and the choice among them.
 """
 
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from fractions import Fraction
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import DTypeLike, NDArray
+
+from grabberd.core.field import BOTTOM, LARGEST_SIDE_PX, NTSC_HZ, PAL_HZ, PROGRESSIVE, TOP
+from grabberd_v4l2 import abi
+from grabberd_v4l2.node import Node
+
+Size = tuple[int, int]
+"""Pixels per line, and lines."""
+
+LEAST_HZ = 5
+"""Minimum rate: slower streams look like a grabber that has stopped."""
+ENOUGH_HZ = 25
+"""Rate below which a mode is chosen only if requested, or if there is no faster one."""
+_NEAR = 2e-3
+"""Relative tolerance of a requested rate: 59.94 is accepted as 60."""
+_MOST_IN_WORDS = 24
+_SQUARE = (640, 480)
+
+
+class Mode(NamedTuple):
+    """A size in a pixel format.
+
+    Attributes:
+        fourcc: Pixel format.
+        columns, lines: Size.
+        rates_hz: Pictures per second, the highest first; empty if the camera does not report them.
+    """
+
+    fourcc: str
+    columns: int
+    lines: int
+    rates_hz: tuple[Fraction, ...]
+
+    @property
+    def size(self) -> Size:
+        """Pixels per line, and lines."""
+        return self.columns, self.lines
+
+
+class Wish(NamedTuple):
+    """A stream that may be requested.
+
+    Attributes:
+        mode: Size and format.
+        rate_hz: Pictures per second; None leaves it to the camera.
+    """
+
+    mode: Mode
+    rate_hz: Fraction | None
+
+
+def offered(
+    node: Node, formats: Iterable[str], size: Size | None = None, rate_hz: float | None = None
+) -> Iterator[Mode]:
+    """All modes with these formats.
+
+    If the camera reports a range, `size` and `rate_hz` are used if they are within it, otherwise the largest.
+    """
+    for fourcc in formats:
+        sizes = [_size_of(one, size) for one in node.frame_sizes(fourcc)] or [size or _SQUARE]
+        for columns, lines in sizes:
+            intervals = node.frame_intervals(fourcc, columns, lines)
+            rates = {rate for one in intervals for rate in _rates_of(one, rate_hz)}
+            yield Mode(fourcc, columns, lines, tuple(sorted(rates, reverse=True)))
+
+
+def wishes(
+    modes: Iterable[Mode], ranks: Mapping[str, int], size: Size | None, rate_hz: float | None
+) -> list[Wish]:
+    """The streams to request, the best first.
+
+    They are sorted by whether the rate reaches `ENOUGH_HZ`, then by the format's rank, the size and the rate.
+
+    Args:
+        modes: Modes that the camera offers.
+        ranks: Allowed formats with their rank; the lowest is the best.
+        size: The only size, or None for any.
+        rate_hz: The only rate, or None for any of at least `LEAST_HZ`.
+    """
+    found = [
+        Wish(mode, rate)
+        for mode in modes
+        if mode.fourcc in ranks and size in (None, mode.size) and _can_be_read(mode.size)
+        for rate in _wanted(mode.rates_hz, rate_hz)
+    ]
+    return sorted(found, key=lambda wish: _order(wish, ranks), reverse=True)
+
+
+def is_near(rate_hz: float | Fraction, wanted_hz: float | Fraction) -> bool:
+    """True if a rate is the requested one within the tolerance."""
+    return abs(float(rate_hz) / float(wanted_hz) - 1) <= _NEAR
+
+
+def in_words(modes: Sequence[Mode]) -> str:
+    """The modes as a list, e.g. "YUYV 640×480 at 30, 15; MJPG 1280×720 at 60"."""
+    words = [f"{mode.fourcc} {mode.columns}×{mode.lines}{_rates_in_words(mode)}" for mode in modes]
+    more = f"; and {len(words) - _MOST_IN_WORDS} more" if len(words) > _MOST_IN_WORDS else ""
+    return ("; ".join(words[:_MOST_IN_WORDS]) + more) or "nothing"
+
+
+def _size_of(entry: abi.FrmSizeEnum, wanted: Size | None) -> Size:
+    if entry.type == abi.FRMSIZE_TYPE_DISCRETE:
+        return int(entry.discrete.width), int(entry.discrete.height)
+    span = entry.stepwise
+    if wanted is not None:
+        columns, lines = wanted
+        fits = (
+            span.min_width <= columns <= span.max_width
+            and span.min_height <= lines <= span.max_height
+            and not (columns - span.min_width) % max(span.step_width, 1)
+            and not (lines - span.min_height) % max(span.step_height, 1)
+        )
+        if fits:
+            return wanted
+    return int(span.max_width), int(span.max_height)
+
+
+def _rates_of(entry: abi.FrmIvalEnum, wanted_hz: float | None) -> Iterator[Fraction]:
+    if entry.type == abi.FRMIVAL_TYPE_DISCRETE:
+        yield from _rate(entry.discrete)
+        return
+    span = entry.stepwise
+    for most in _rate(span.min):
+        least = next(_rate(span.max), Fraction(0))
+        if wanted_hz is not None and least <= wanted_hz <= most:
+            yield Fraction(wanted_hz).limit_denominator(1001)
+        else:
+            yield most
+
+
+def _rate(interval: abi.Fraction) -> Iterator[Fraction]:
+    """The rate of an interval; nothing if the driver fills it with zeros."""
+    if interval.numerator and interval.denominator:
+        yield Fraction(interval.denominator, interval.numerator)
+
+
+def _can_be_read(size: Size) -> bool:
+    columns, lines = size
+    return not lines % 2 and 0 < columns <= LARGEST_SIDE_PX and 0 < lines <= LARGEST_SIDE_PX
+
+
+def _wanted(rates_hz: Sequence[Fraction], rate_hz: float | None) -> Iterator[Fraction | None]:
+    if not rates_hz:
+        yield None if rate_hz is None else Fraction(rate_hz).limit_denominator(1001)
+    for one in rates_hz:
+        if one >= LEAST_HZ if rate_hz is None else is_near(one, rate_hz):
+            yield one
+
+
+def _order(wish: Wish, ranks: Mapping[str, int]) -> tuple[bool, int, int, Fraction, int]:
+    mode, rate_hz = wish.mode, wish.rate_hz or Fraction(0)
+    is_enough = wish.rate_hz is None or rate_hz >= ENOUGH_HZ
+    preferred = -list(ranks).index(mode.fourcc)
+    return is_enough, -ranks[mode.fourcc], mode.columns * mode.lines, rate_hz, preferred
+
+
+def _rates_in_words(mode: Mode) -> str:
+    rates = ", ".join(f"{float(rate):.4g}" for rate in mode.rates_hz)
+    return f" at {rates}" if rates else ""
 
 
 class PixelFormat(NamedTuple):
@@ -225,3 +387,97 @@ def _frame(body: bytes) -> Header:
     )
     across, down = (sampling >> 4, sampling & 15) if colours > 1 else (1, 1)
     return Header((lines, columns), (_BLOCK * max(down, 1), _BLOCK * max(across, 1)), 0)
+
+
+DEFAULT = "PAL"
+NAMES = {
+    "PAL": abi.STD_PAL,
+    "PAL-BG": 0x07,
+    "PAL-B": 0x01,
+    "PAL-B1": 0x02,
+    "PAL-G": 0x04,
+    "PAL-H": 0x08,
+    "PAL-I": 0x10,
+    "PAL-DK": 0xE0,
+    "PAL-D": 0x20,
+    "PAL-D1": 0x40,
+    "PAL-K": 0x80,
+    "PAL-N": 0x0200,
+    "PAL-NC": 0x0400,
+    "SECAM": 0xFF0000,
+    "NTSC": 0xB000,
+    "NTSC-M": 0x1000,
+    "NTSC-M-JP": 0x2000,
+    "NTSC-M-KR": 0x8000,
+    "NTSC-443": 0x4000,
+    "PAL-M": 0x0100,
+    "PAL-60": 0x0800,
+}
+"""Standards that can be requested; for "PAL" the card chooses one of B to K, for "NTSC" an M type."""
+
+
+class Scan(NamedTuple):
+    """Lines and rate of a camera's scan, and the order of its fields.
+
+    Attributes:
+        lines: Lines of a frame, or of a progressive picture.
+        rate_hz: Fields or progressive pictures per second.
+        older: Parity of the older field of a frame, as defined by V4L2 for the standard, or `PROGRESSIVE`.
+    """
+
+    lines: int
+    rate_hz: float
+    older: int
+
+    @classmethod
+    def progressive(cls, lines: int, rate_hz: float) -> "Scan":
+        """The scan of progressive pictures."""
+        return cls(lines, rate_hz, PROGRESSIVE)
+
+    @property
+    def is_progressive(self) -> bool:
+        """True for pictures without fields."""
+        return self.older == PROGRESSIVE
+
+    @property
+    def period_ns(self) -> int:
+        """Time from field to field, or from picture to picture."""
+        return round(1e9 / self.rate_hz)
+
+    def __str__(self) -> str:
+        return f"{self.rate_hz:.0f} Hz"
+
+
+SCAN_625 = Scan(576, PAL_HZ, TOP)
+SCAN_525 = Scan(480, NTSC_HZ, BOTTOM)
+
+
+def bits(name: str) -> int:
+    """The kernel's bits of a standard; "PAL-B/G" is "PAL-BG".
+
+    Raises:
+        ValueError: The name is not in `NAMES`.
+    """
+    known = NAMES.get(name.upper().replace("/", ""))
+    if known is None:
+        raise ValueError(f"{name!r} is not one of {', '.join(NAMES)}")
+    return known
+
+
+def name(standard: int) -> str:
+    """Name of a set of standard bits."""
+    exact = next((known for known, its in NAMES.items() if its == standard), None)
+    return exact or next((known for known, its in NAMES.items() if its & standard), "none")
+
+
+def scan(standard: int) -> Scan | None:
+    """The scan of a set of standard bits; None if it is empty or has both rates."""
+    at_50, at_60 = bool(standard & abi.STD_625_50), bool(standard & abi.STD_525_60)
+    if at_50 == at_60:
+        return None
+    return SCAN_625 if at_50 else SCAN_525
+
+
+def family(scanned: Scan) -> str:
+    """The common name of a scan, as used in the option `standard`."""
+    return "PAL" if scanned == SCAN_625 else "NTSC"

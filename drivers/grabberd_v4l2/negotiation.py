@@ -12,16 +12,30 @@ from itertools import product
 from typing import NamedTuple
 
 from grabberd.errors import DeviceRefused
-from grabberd.instrument.acquisition.discovery import Verdict
-from grabberd_v4l2 import abi, standards
+from grabberd.instrument.acquisition.device import Verdict
+from grabberd_v4l2 import abi, formats
 from grabberd_v4l2.abi import ONE_FIELD, Arrangement
 from grabberd_v4l2.fields import Granted
-from grabberd_v4l2.formats import FORMATS, RAW, bytes_per_pixel, needed_bytes
-from grabberd_v4l2.modes import LEAST_HZ, Mode, Wish, in_words, is_near, offered, wishes
+from grabberd_v4l2.formats import (
+    DEFAULT,
+    FORMATS,
+    LEAST_HZ,
+    RAW,
+    SCAN_525,
+    SCAN_625,
+    Mode,
+    Scan,
+    Wish,
+    bytes_per_pixel,
+    in_words,
+    is_near,
+    needed_bytes,
+    offered,
+    wishes,
+)
 from grabberd_v4l2.node import Capability, Node
 from grabberd_v4l2.options import V4l2Options
 from grabberd_v4l2.profiles import Profile
-from grabberd_v4l2.standards import DEFAULT, SCAN_525, SCAN_625, Scan
 
 _LIST = "'grabberd devices' lists the available grabbers"
 _OTHER_KINDS = {
@@ -121,7 +135,7 @@ def _best(inputs: Sequence[abi.Input], options: V4l2Options) -> abi.Input:
     if options.arrangement is Arrangement.NONE:
         fitting = [one for one in for_cameras if not one.std]
     else:
-        fitting = [one for one in for_cameras if one.std & standards.bits(options.standard or DEFAULT)]
+        fitting = [one for one in for_cameras if one.std & formats.bits(options.standard or DEFAULT)]
     return (fitting or for_cameras or inputs)[0]
 
 
@@ -166,29 +180,29 @@ def _set_up_interlaced(node: Node, options: V4l2Options, profile: Profile) -> tu
 def _set_standard(node: Node, options: V4l2Options) -> tuple[str, Scan]:
     """Sets the standard; returns its name and scan."""
     name = options.standard or DEFAULT
-    wanted, offered = standards.bits(name), node.standards()
+    wanted, offered = formats.bits(name), node.standards()
     if not any(one.id & wanted for one in offered):
         raise _no_such_standard(node, name, offered)
     # Always, whatever the present standard: stk1160 and usbtv start up in NTSC.
     node.set_standard(wanted)
-    granted, scan = node.standard(), standards.scan(wanted)
+    granted, scan = node.standard(), formats.scan(wanted)
     assert scan is not None, "every named standard has a scan"
-    if standards.scan(granted) != scan:
-        other = standards.scan(granted)
+    if formats.scan(granted) != scan:
+        other = formats.scan(granted)
         raise DeviceRefused(
-            f"{node.path} was set to {name} but is at {standards.name(granted)}"
+            f"{node.path} was set to {name} but is at {formats.name(granted)}"
             + (f" ({other})" if other else ""),
             f"the card does not run at {scan}; use another grabber",
         )
-    return standards.name(granted), scan
+    return formats.name(granted), scan
 
 
 def _no_such_standard(node: Node, name: str, offered: Sequence[abi.Standard]) -> DeviceRefused:
     names = ", ".join(one.name.decode("ascii", "replace") for one in offered) or "none at all"
     hint = "choose a composite or S-Video input (option 'input') or another grabber"
-    known = dict.fromkeys(filter(None, (standards.scan(one.id) for one in offered)))
+    known = dict.fromkeys(filter(None, (formats.scan(one.id) for one in offered)))
     if known:
-        families = " or ".join(standards.family(scan) for scan in known)
+        families = " or ".join(formats.family(scan) for scan in known)
         hint = f"with a camera of another standard set the option 'standard: {families}'; else {hint}"
     elif not offered:
         hint = f"{hint}; a camera without standards needs neither 'standard' nor 'field_order'"
@@ -242,9 +256,9 @@ def _check_kept_to(node: Node, options: V4l2Options, scan: Scan) -> None:
     Raises:
         DeviceRefused: They do not match.
     """
-    family = standards.family(scan)
+    family = formats.family(scan)
     others = " or ".join(
-        f"'standard: {standards.family(one)}' has {one.lines} lines at {one.rate_hz:.4g} fields a second"
+        f"'standard: {formats.family(one)}' has {one.lines} lines at {one.rate_hz:.4g} fields a second"
         for one in (SCAN_625, SCAN_525)
     )
     size = options.columns_lines
@@ -315,7 +329,7 @@ def _nothing_granted(node: Node, wanted: _Wanted, answers: Sequence[abi.PixForma
         f"{node.path}: requested {wanted.columns}×{lines} (a field: {lines // 2}) in field order "
         f"{requested}, format {', '.join(wanted.formats)}; it grants {got}",
         "remove the options 'size', 'field_order' and 'format'; if that does not help, this card cannot "
-        f"deliver whole {standards.family(wanted.scan)} fields",
+        f"deliver whole {formats.family(wanted.scan)} fields",
     )
 
 

@@ -14,11 +14,11 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError, field_valida
 
 from grabberd.bounded_documents import as_written
 from grabberd.core.field import PARITIES
-from grabberd_v4l2 import standards
+from grabberd.errors import said
+from grabberd_v4l2 import formats
 from grabberd_v4l2.abi import Arrangement
 from grabberd_v4l2.devices import Identity
-from grabberd_v4l2.formats import FORMATS
-from grabberd_v4l2.modes import LEAST_HZ
+from grabberd_v4l2.formats import FORMATS, LEAST_HZ
 from grabberd_v4l2.profiles import DIRECTORY
 
 FIELD_ORDERS = tuple(a.name.lower() for a in Arrangement if a is not Arrangement.ANY)
@@ -32,7 +32,7 @@ class V4l2Options(BaseModel):
         device: Node or link to it, preferably in /dev/v4l/by-path.
         usb: "VENDOR:PRODUCT"; `serial` and `port` distinguish identical devices.
         input: Input by name or number; by default the first that is not a tuner.
-        standard: Video standard, see `standards.NAMES`; by default PAL if the card has standards.
+        standard: Video standard, see `formats.NAMES`; by default PAL if the card has standards.
         size: "COLUMNSxLINES" of a frame or a progressive picture; by default that of the standard, or the
             largest with a sufficient rate.
         rate_hz: Progressive pictures per second; by default the highest. Fields have the standard's rate.
@@ -93,7 +93,7 @@ class V4l2Options(BaseModel):
     @classmethod
     def _known_standard(cls, standard: str | None) -> str | None:
         if standard is not None:
-            standards.bits(standard)
+            formats.bits(standard)
         return standard
 
     @field_validator("size")
@@ -142,5 +142,5 @@ class V4l2Options(BaseModel):
 def _in_words(problem: Any) -> str:
     if problem["type"] == "extra_forbidden":
         return f"unknown option; known are {', '.join(V4l2Options.model_fields)}"
-    message, given = problem["msg"].removeprefix("Value error, "), repr(problem["input"])
+    message, given = said(problem["msg"]), repr(problem["input"])
     return message if given in message else f"{message}, not {given}"

@@ -9,6 +9,7 @@ that is a number or a truth value to it is an `OldWord`: where one is expected, 
 """
 
 import codecs
+import math
 import re
 from collections.abc import Callable, Iterator
 from functools import lru_cache
@@ -17,6 +18,8 @@ from pathlib import Path
 from typing import Any
 
 import yaml
+
+from grabberd.tables import LARGEST_NUMBER
 
 LARGEST_DOCUMENT = 16 << 20
 """Bytes of a document; an object model of 5000 targets has half a million."""
@@ -218,12 +221,15 @@ def as_written(value: Any, read: Callable[[Any], Any]) -> Any:
     """Reads a document, or a part of one such as a value, without taking a text for something else.
 
     Raises:
-        ValueError: It has made a number or a truth value of a text, as of yes and 1_000; or as the reader.
+        ValueError: It has made a number or a truth value of a text, as of yes and 1_000, or the number is too
+            large; or as the reader.
     """
     result = read(value)
     for key, word, taken in _taken(value, result, ""):
         kind = "true or false" if isinstance(taken, bool) else "a number"
         raise ValueError(f"{key}{': ' if key else ''}{word!r} is not {kind}")
+    if isinstance(result, float) and LARGEST_NUMBER < abs(result) < math.inf:
+        raise ValueError(f"{result:g} is larger than {LARGEST_NUMBER:g}")
     return result
 
 

@@ -1,12 +1,13 @@
 """Clocks injected into drivers, threads and the service, so that tests can control time."""
 
 import os
-import time
 from dataclasses import dataclass
 from datetime import UTC, datetime, timedelta
 from functools import cache
 from pathlib import Path
 from typing import Protocol, Self
+
+from grabberd import runtime
 
 BOOT_ID_FILE = Path("/proc/sys/kernel/random/boot_id")
 BOOT_ID_VARIABLE = "GRABBERD_BOOT_ID"
@@ -42,16 +43,16 @@ class SystemClock:
 
     def now_ns(self) -> int:
         """CLOCK_MONOTONIC, nanoseconds."""
-        return time.monotonic_ns()
+        return runtime.monotonic_ns()
 
     def sleep(self, seconds: float) -> None:
         """Sleep; return at once for zero or less."""
         if seconds > 0:
-            time.sleep(seconds)
+            runtime.sleep(seconds)
 
     def utc_now(self) -> datetime:
         """Coordinated universal time."""
-        return datetime.now(UTC)
+        return runtime.utc_now()
 
 
 @dataclass(frozen=True, slots=True)

@@ -27,6 +27,7 @@
     ├── ExtraMissing              an optional dependency is not installed: carries the extra's name
     └── MeasurementError          the data do not determine the result
         ├── AmbiguousView         several hypotheses explain a view of the calibration frame
+        ├── MirroredPicture       a view is seen mirrored, or the views swapped, unlike the configured rig
         ├── RankDeficient         some unknowns are determined only in combination: names them
         └── AnalysisError         the points do not determine the surface, strain, pressure or cycle
 
@@ -37,6 +38,11 @@ values; the hint says what to do about it.
 from collections.abc import Mapping, Sequence
 from enum import StrEnum
 from typing import NamedTuple
+
+
+def count_of(count: int, one: str, several: str = "") -> str:
+    """A number with its noun, as messages have it: "1 field", "2 fields"; `several` if it adds no s."""
+    return f"{count} {one if count == 1 else several or f'{one}s'}"
 
 
 class GrabberdError(Exception):
@@ -68,7 +74,7 @@ class ConfigError(GrabberdError):
     """The configuration is invalid; `problems` lists everything that is wrong with it."""
 
     def __init__(self, problems: Sequence[Problem]) -> None:
-        count = f"{len(problems)} problem" + ("" if len(problems) == 1 else "s")
+        count = count_of(len(problems), "problem")
         listing = "\n".join(f"  {problem}" for problem in problems)
         hint = "fix these keys; 'grabberd check-config FILE' checks without starting anything"
         if all(problem.key == WHOLE_FILE for problem in problems):
@@ -251,7 +257,7 @@ class RingOverrun(GrabberdError):
 
     def __init__(self, first_n: int, count: int) -> None:
         super().__init__(
-            f"{count} fields from number {first_n} on were overwritten in the ring before they were read",
+            f"{count_of(count, 'field')} from number {first_n} on overwritten in the ring before being read",
             "the computer was too busy: reduce its load, use a longer ring, or capture with overrun 'count'",
         )
         self.first_n = first_n
@@ -303,8 +309,43 @@ class MeasurementError(GrabberdError):
     """The data do not determine the result that was asked for."""
 
 
+class AskedTarget(NamedTuple):
+    """Target of the calibration frame that is sought in a picture.
+
+    Attributes:
+        id: Of the target.
+        places_px: Its possible places in the left view, frame pixels.
+    """
+
+    id: int
+    places_px: tuple[tuple[float, float], ...]
+
+
 class AmbiguousView(MeasurementError):
-    """More than one hypothesis explains a view of the calibration frame."""
+    """More than one hypothesis explains a view of the calibration frame.
+
+    Attributes:
+        asks: Targets whose places in the picture decide.
+        added_mm: Places of further targets that would decide every picture of the frame.
+        turns: By each turn in degrees that an unmirrored picture may show, what it shows then.
+    """
+
+    def __init__(
+        self,
+        message: str,
+        hint: str,
+        asks: Sequence[AskedTarget] = (),
+        added_mm: Sequence[tuple[float, ...]] = (),
+        turns: Mapping[int, str] | None = None,
+    ) -> None:
+        super().__init__(message, hint)
+        self.asks = tuple(asks)
+        self.turns = dict(turns or {})
+        self.added_mm = tuple(added_mm)
+
+
+class MirroredPicture(MeasurementError):
+    """The picture shows a view mirrored, or the views swapped, against the rig's configuration."""
 
 
 class RankDeficient(MeasurementError):
@@ -317,3 +358,8 @@ class RankDeficient(MeasurementError):
 
 class AnalysisError(MeasurementError):
     """The points or inputs do not determine the surface, strain, pressure or cycle that was asked for."""
+
+
+def said(words: str) -> str:
+    """Returns what a check of a value says, without the words that pydantic puts before it."""
+    return words.removeprefix("Value error, ")

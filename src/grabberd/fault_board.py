@@ -1,12 +1,12 @@
 """Faults of the daemon itself, each logged when it begins and when it is over; devices have their own."""
 
 import logging
-import threading
 from collections import Counter
 from typing import Literal
 
+from grabberd import runtime
 from grabberd.clock import SystemClock, UtcClock, iso_utc
-from grabberd.documents.health import FaultDocument
+from grabberd.documents.devices import FaultDocument
 from grabberd.errors import Cause
 
 log = logging.getLogger(__name__)
@@ -34,7 +34,7 @@ class FaultBoard:
     def __init__(self, clock: UtcClock | None = None) -> None:
         self.counts: Counter[Cause] = Counter()
         self._clock = clock or SystemClock()
-        self._lock = threading.Lock()
+        self._lock = runtime.lock()
         self._now: dict[Cause, FaultDocument] = {}
 
     @property
@@ -80,3 +80,26 @@ class FaultBoard:
                     over = self._now.pop(cause, None)
                 if over is not None:
                     log.info("over since now: %s", over.message, extra={"cause": cause.value})
+
+
+class Complaint:
+    """Logs a failure of a thread once, not again and again for as long as it lasts.
+
+    Args:
+        log: Receives the entries.
+        words: What has failed, with a place for the reason.
+    """
+
+    def __init__(self, log: logging.Logger, words: str) -> None:
+        self._log, self._words = log, words
+        self._last: str | None = None
+
+    def failed(self, reason: str, error: Exception | None = None) -> None:
+        """Notes a failure, with the error if its traceback is wanted."""
+        if reason != self._last:
+            self._log.error(self._words, reason, exc_info=error)
+        self._last = reason
+
+    def over(self) -> None:
+        """Notes that it is over."""
+        self._last = None

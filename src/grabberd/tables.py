@@ -24,6 +24,7 @@ SEPARATORS = (";", "\t", "|", ",", " ")
 MOST_ROWS = 1_000_000
 """Rows of a table: true places of a hundred targets for three minutes."""
 MOST_COLUMNS = 1000
+LARGEST_NUMBER = 1e30  # of any file or request: its tenth power is a number, too
 TIME_UNITS_NS = {"s": 1e9, "ms": 1e6, "us": 1e3, "µs": 1e3, "ns": 1.0}
 UNITS = ("kPa", "mbar", "hPa", "Pa", "bar", "mmHg", "Torr", "inHg", "psi", "mV", "V", "mm", "px")
 """Units that a column's name may end with; in brackets any unit may stand."""
@@ -130,9 +131,9 @@ def fitted(cells: Sequence[str], count: int) -> Sequence[str]:
 
 
 def number_of(cell: str) -> float | None:
-    """The number of a cell, with a decimal point or comma; None if it is none, or not finite."""
+    """The number of a cell, with a decimal point or comma; None if it is none, or too large."""
     value = float(cell.replace(",", ".")) if _NUMBER.fullmatch(cell) else math.inf
-    return value if math.isfinite(value) else None
+    return value if abs(value) <= LARGEST_NUMBER else None
 
 
 def table_rows(lines: Iterable[str], separator: str, first_line: int = 1) -> Iterator[tuple[int, list[str]]]:

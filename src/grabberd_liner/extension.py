@@ -39,7 +39,7 @@ EXTENSION = Extension(
         "Capture": "grabberd_liner.library:Capture",
         "open": "grabberd_liner.library:open_capture",
     },
-    config_check="grabberd_liner.analyses.inputs:check_inputs",
+    config_check="grabberd_liner.analyses.capture_analyses:check_inputs",
     fields={
         "CaptureDocument": (
             Place("analysis", "grabberd_liner.analyses.documents:CAPTURE_ANALYSIS", after="channels"),

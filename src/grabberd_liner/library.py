@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from grabberd.archive.input_files import read_vacuum_log
+from grabberd.core.arrays import Array
 from grabberd.errors import InputError
 from grabberd.files.disk import results_folder
 from grabberd.files.documents import PathLike, document_of
@@ -25,7 +26,6 @@ from grabberd_liner.analyses.job import (
     write_document,
     write_page,
 )
-from grabberd_liner.arrays import Array
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -119,7 +119,7 @@ class Analysis:
             InputError: As `map`.
             ExtraMissing: matplotlib is not installed.
         """
-        from grabberd.library.plots import draw_map  # noqa: PLC0415 - needs matplotlib
+        from grabberd.library.capture import draw_map  # noqa: PLC0415 - needs matplotlib
 
         unit = self.table("targets").units.get(quantity, "")
         return draw_map(self.map(quantity, n), f"{quantity}, field {n}", unit, ax)
@@ -131,7 +131,7 @@ class Analysis:
             InputError: There is no such column.
             ExtraMissing: matplotlib is not installed.
         """
-        from grabberd.library.plots import draw_courses  # noqa: PLC0415 - needs matplotlib
+        from grabberd.library.capture import draw_courses  # noqa: PLC0415 - needs matplotlib
 
         names = [columns] if isinstance(columns, str) else columns
         return draw_courses(self.table("fields"), "time_s", names, ax)

@@ -4,7 +4,7 @@ from collections.abc import Iterable
 from typing import Protocol, cast
 
 from grabberd.documents.devices import DeviceDocument
-from grabberd.documents.document import Document
+from grabberd.documents.document import Document, assembled
 from grabberd.documents.mqtt import DeviceTopic, Topic
 from grabberd_liner.analyses.documents import AnalysisState, DeviceAnalysis, QuantityDocument
 from grabberd_liner.guided_tests.documents import CheckVerdict, DeviceTest, LinerTestKind
@@ -57,12 +57,11 @@ class LinerTestMessage(Document):
 
 def device_analysis(device: str, latest: DeviceAnalysis) -> AnalysisMessage:
     """The latest analysis of a device: its main quantities by name, or why there are none."""
-    return AnalysisMessage(
+    return assembled(
+        AnalysisMessage,
+        latest,
         device=device,
         capture_id=latest.capture,
-        state=latest.state,
-        analysis=latest.analysis,
-        created_utc=latest.created_utc,
         quantities=_by_name(latest.quantities),
         problem=latest.problem.message if latest.problem else None,
         hint=latest.problem.hint if latest.problem else None,
@@ -90,11 +89,7 @@ def device_test(device: str, latest: DeviceTest) -> LinerTestMessage:
 
 def _by_name(quantities: Iterable[QuantityDocument]) -> dict[str, MeasuredValue]:
     """Quantities that were found."""
-    return {
-        one.name: MeasuredValue(value=one.value, sigma=one.sigma, unit=one.unit)
-        for one in quantities
-        if one.value is not None
-    }
+    return {one.name: assembled(MeasuredValue, one) for one in quantities if one.value is not None}
 
 
 def _analysis_of(device: DeviceDocument) -> AnalysisMessage | None:

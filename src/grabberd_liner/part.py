@@ -5,17 +5,14 @@ from functools import partial
 from pathlib import Path
 from typing import cast
 
-from grabberd.archive.state.state_backups import STATE
+from grabberd.archive.state.state_keeper import STATE
 from grabberd.documents.jobs import JobDocument
-from grabberd.server.daemon.service import Service
-from grabberd.server.daemon.service_part import ServicePart
-from grabberd_liner.analyses.capture_analyses import CaptureAnalyses
-from grabberd_liner.analyses.sealed_analyses import SealedAnalyses
+from grabberd.server.daemon.service import Service, ServicePart
+from grabberd_liner.analyses.capture_analyses import CaptureAnalyses, SealedAnalyses
 from grabberd_liner.analyses.store import AnalysisStore
 from grabberd_liner.guided_tests.liner_tests import LinerTests
 from grabberd_liner.guided_tests.store import LinerTestStore
-from grabberd_liner.profiles.profile_text import problems_in_process
-from grabberd_liner.profiles.profiles import Profiles
+from grabberd_liner.profiles.profiles import Profiles, problems_in_process
 
 NAME = "liner"
 """Name of the extension."""

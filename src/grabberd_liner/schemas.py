@@ -7,7 +7,7 @@ from dataclasses import MISSING, fields
 from pydantic import TypeAdapter
 
 from grabberd.core.channels.vacuum import LEAST_KPA, MOST_KPA
-from grabberd.schemas.forms import (
+from grabberd.schemas.files import (
     Form,
     Schema,
     either,
@@ -20,7 +20,7 @@ from grabberd.schemas.forms import (
     positive,
     text,
 )
-from grabberd_liner.analysis.load.pressure_model import UNSEEN
+from grabberd_liner.analysis.load.pressure import UNSEEN
 from grabberd_liner.analysis.wall.material import LAWS, Material
 from grabberd_liner.chain.analysis.inputs import MOST_PHASES
 from grabberd_liner.profiles.documents import ProfileContent

@@ -4,8 +4,8 @@ from dataclasses import replace
 
 import numpy as np
 
+from grabberd.archive.capture.encodings import quantised
 from grabberd.archive.capture.meta import CaptureMeta
-from grabberd.archive.capture.point_codec import quantised
 from grabberd.archive.capture.reader import CaptureReader
 from grabberd.archive.capture.writer import CaptureWriter
 from grabberd.core.field import Field, NumberedField, double_lines, quantise

@@ -8,7 +8,6 @@ from dataclasses import asdict
 import zstandard
 
 from archive.captures import MADE_WITH, META, ledger_of, meta, points
-from grabberd.archive.capture.codec import encode_points
 from grabberd.archive.capture.digests import (
     FIELDS,
     points_prefix,
@@ -16,6 +15,7 @@ from grabberd.archive.capture.digests import (
     write_row_digests,
     write_sealed_digest,
 )
+from grabberd.archive.capture.encodings import encode_field_points
 from grabberd.archive.capture.meta import coverage_key, write_meta
 from grabberd.archive.capture.rows import write_ledger
 from grabberd.archive.capture.schema import APPLICATION_ID, TABLES_1
@@ -67,6 +67,6 @@ def _write_run(connection, run, kind, measured):
     row = run_row(run, kind, META.created_utc, "0.1.0", "done", MADE_WITH)
     connection.execute("INSERT INTO runs VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?)", row)
     for n, of_field in measured.items():
-        row = (run, n, len(of_field), encode_points(of_field))
+        row = (run, n, len(of_field), encode_field_points(of_field))
         connection.execute("INSERT INTO points VALUES (?, ?, ?, ?)", row)
         write_row_digests(connection, points_prefix(run), {n: row_digest(row)})

@@ -10,7 +10,7 @@ import pytest
 
 from archive.captures import packed, points, slots, write
 from archive.readings import readings, write_with_channels
-from grabberd.archive.capture.codec import POINT
+from grabberd.archive.capture.encodings import POINT
 from grabberd.archive.capture.schema import APPLICATION_ID, VERSION
 from grabberd.archive.export.field_pictures import MANIFEST_COLUMNS
 

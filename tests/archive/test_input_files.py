@@ -3,7 +3,7 @@
 import pytest
 
 from grabberd.archive.input_files import read_identifications, read_truth
-from grabberd.core.calibration import Mark
+from grabberd.core.calibration.identification.manual_identification import Mark
 from grabberd.errors import InputError
 
 
@@ -100,7 +100,7 @@ def test_what_is_wrong_is_named(file, text, message):
 
 
 def test_a_file_that_is_not_there_is_named(tmp_path):
-    with pytest.raises(InputError, match=r"gone\.csv cannot be read"):
+    with pytest.raises(InputError, match=r"gone\.csv cannot be read: No such file or directory\n"):
         read_truth(tmp_path / "gone.csv")
 
 

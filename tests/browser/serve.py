@@ -18,8 +18,8 @@ from typing import Any
 from grabberd.config import Config, LocationConfig, default_config_file, load_config
 from grabberd.instrument.channels.logger_setup import set_up_loggers
 from grabberd.instrument.setup import set_up
-from grabberd.server.api import create_app, serving, sockets
-from grabberd.server.api.guard.front import Front
+from grabberd.server.api import create_app, serving
+from grabberd.server.api.guard.front import Front, bind
 from grabberd.server.daemon.service import Service
 from grabberd_fake import FakeGrabber, FakeLogger
 
@@ -55,14 +55,12 @@ class VaryingClock(PatientClock):
         """True once the first fields have been taken."""
         return self._now_ns >= self._warm_ns
 
-    def sleep_until_ns(self, time_ns: int) -> None:
-        left_s = (time_ns - self._now_ns) / 1e9
-        while left_s > 0:
+    def pace(self, seconds: float) -> None:
+        while seconds > 0:
             slowness = self.slowness()
-            slept_s = min(left_s * slowness, HEED_S)
+            slept_s = min(seconds * slowness, HEED_S)
             time.sleep(slept_s)
-            left_s -= slept_s / slowness
-        self._now_ns = max(self._now_ns, time_ns)
+            seconds -= slept_s / slowness
 
 
 class WaitingClock:
@@ -133,7 +131,7 @@ def main(port: str, options: str) -> None:
     service = service_of(json.loads(options))
     service.start()
     front = Front()
-    serving.run(serving.server_of(create_app(service, front), front), sockets.bind("127.0.0.1", int(port)))
+    serving.run(serving.server_of(create_app(service, front), front), bind("127.0.0.1", int(port)))
 
 
 if __name__ == "__main__":

@@ -186,7 +186,10 @@ def test_a_failed_calibration_says_why_and_is_not_offered_to_an_operator(
     expect(page.locator("[data-verdict]")).to_contain_text(said)
     expect(page.locator("[data-reason]").first).to_have_attribute("data-reason", "check_length")
     expect(page.locator("[data-do=accept]")).to_be_disabled()
-    expect(page.locator("tbody tr")).to_have_count(11)
+    expect(page.locator("tbody").first.locator("tr")).to_have_count(11)
+    good = page.locator("section[aria-labelledby=validity-title]")
+    expect(good.locator("canvas.validity-picture")).to_have_count(2)
+    expect(good.locator("tbody").last.locator("tr")).to_have_count(10)
     assert "{" not in page.locator("main").inner_text()
     assert page.evaluate("document.scrollingElement.scrollWidth <= innerWidth")
     assert serious(page) == []

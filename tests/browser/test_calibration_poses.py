@@ -130,7 +130,8 @@ def computed(page: Page) -> str:
     if page.get_by_role("link", name="Read the result").is_visible():
         page.get_by_role("link", name="Read the result").click()
     expect(page.locator("[data-verdict]")).to_have_attribute("data-verdict", "passed_with_remarks")
-    expect(page.locator("[data-reason]")).to_have_attribute("data-reason", "no_check_length")
+    # The simulated mirrors are uneven by .05 px: with the noise of some fields that is a remark, too.
+    expect(page.locator("[data-reason=no_check_length]")).to_be_visible()
     expect(page.get_by_text("new mirrors")).to_be_visible()
     assert serious(page) == []
     return str(page.url.rsplit("/", 1)[1])

@@ -134,6 +134,24 @@ def test_a_capture_is_measured_again(daemon: Daemon, open_page: Open) -> None:
     assert serious(page) == []
 
 
+def test_nothing_can_be_pressed_before_the_capture_is_known(daemon: Daemon, open_page: Open) -> None:
+    one = daemon.capture(5)
+    page = open_page(f"{daemon.url}/#captures").page
+    held: list[Route] = []
+
+    def hold(route: Route) -> None:
+        held.append(route)
+
+    page.route(f"**/api/v1/captures/{one}", hold, times=1)
+    with page.expect_request(f"**/api/v1/captures/{one}"):
+        page.goto(f"{daemon.url}/#captures/{one}")
+    expect(page.locator("[data-do=measure]")).to_have_count(1)
+    assert not any(button.is_visible() for button in page.locator(".capture-parts button").all())
+    held[0].continue_()
+    expect(page.get_by_role("button", name="Measure again")).to_be_visible()
+    expect(page.get_by_role("button", name="Pin")).to_be_visible()
+
+
 def test_what_a_new_measurement_warns_of_stays_on_the_page(daemon: Daemon, open_page: Open) -> None:
     warning = "1 field was left out: the disk has changed it"
 

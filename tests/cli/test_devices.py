@@ -12,11 +12,11 @@ from grabberd.cli.app import app
 from grabberd.cli.devices_listing import print_listing, yaml_of
 from grabberd.config import load_config
 from grabberd.instrument.acquisition import GRABBERS
-from grabberd.instrument.acquisition.discovery import FoundDevice, Verdict
+from grabberd.instrument.acquisition.device import FoundDevice, Verdict
 from grabberd_v4l2.discovery import Answers, discover
 
 BARN = """
-from grabberd.instrument.acquisition.discovery import FoundDevice, Verdict
+from grabberd.instrument.acquisition.device import FoundDevice, Verdict
 
 CARD = FoundDevice(
     "barn",
@@ -152,7 +152,7 @@ def found_loggers(tmp_path, monkeypatch):
     (info / "METADATA").write_text("Metadata-Version: 2.1\nName: ports\nVersion: 1.0\n")
     (info / "entry_points.txt").write_text("[grabberd.logger_discovery]\nports = found_ports:look\n")
     (tmp_path / "found_ports.py").write_text(
-        "from grabberd.instrument.acquisition.discovery import FoundDevice, Verdict\n"
+        "from grabberd.instrument.acquisition.device import FoundDevice, Verdict\n"
         "def look():\n"
         "    return [FoundDevice('serial', 'usb-FTDI [bold]', {'port': '/dev/ttyUSB7'}, Verdict.USABLE)]\n"
     )

@@ -8,7 +8,7 @@ import pytest
 import yaml
 from typer.testing import CliRunner, Result
 
-from grabberd.archive.calibrations.calibration_frames import calibration_frame_model
+from grabberd.archive.calibrations.calibration_catalog import calibration_frame_model
 from grabberd.cli.app import app
 from grabberd.core.reconstruction import ObjectModel
 from grabberd.errors import GrabberdError, InputError, StorageError

@@ -84,3 +84,15 @@ def test_help_comes_before_anything_that_computes_is_loaded() -> None:
     code = f"import sys, grabberd.cli.app; print(sorted({heavy} & set(sys.modules)))"
     result = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert result.stdout == "[]\n"
+
+
+@pytest.mark.parametrize(
+    "words", [("export", "x.grab", "--format", "foo"), ("token", "add", "barn", "--role", "foo")]
+)
+def test_a_value_that_is_no_choice_is_named_without_the_words_of_what_checks_it(
+    words: tuple[str, ...],
+) -> None:
+    told = CliRunner().invoke(app, words, env={"TERM": "dumb", "COLUMNS": "200"}).output
+    assert "Invalid value for" in told
+    assert "'foo' is not one of '" in told
+    assert "Value error" not in told

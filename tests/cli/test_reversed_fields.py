@@ -12,7 +12,7 @@ from typer.testing import CliRunner, Result
 from grabberd.cli.app import app
 from grabberd.config import default_config_file
 from grabberd.instrument.acquisition import GRABBERS
-from grabberd_fake.documents import calibration_document, object_document
+from grabberd_fake.__main__ import calibration_document, object_document
 from grabberd_fake.options import FakeOptions
 
 LINER = {"pace": "free", "picture": {"stamp": False}}

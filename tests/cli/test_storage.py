@@ -15,8 +15,8 @@ from archive.captures import meta, slots, write
 from archive.first_format import write_first_format
 from grabberd.archive.capture.captures_folder import CapturesFolder
 from grabberd.archive.capture.writer import CaptureWriter
-from grabberd.archive.state.state_backups import CAPTURES_FOLDER, StateBackups, origin_of
 from grabberd.archive.state.state_database import Annotation, AnnotationStore, StateStore
+from grabberd.archive.state.state_keeper import CAPTURES_FOLDER, StateBackups, origin_of
 from grabberd.cli.app import app
 from grabberd.cli.status import disk_words, fault_words
 from grabberd.errors import StorageError
@@ -59,7 +59,7 @@ def test_captures_are_verified_all_or_by_name(barn: Path) -> None:
         connection.execute("UPDATE fields SET threshold = threshold + 1 WHERE n = 1")
     result = run("storage", "verify", path)
     assert result.exit_code == 65
-    assert f"{path}: damaged: 1 sound fields" in result.stdout
+    assert f"{path}: damaged: 1 sound field" in result.stdout
     assert "    field 1: it is not what was written" in result.stdout
     missing = run("storage", "verify", barn / "nothing.grab")
     assert missing.stdout.splitlines()[0] == f"{barn / 'nothing.grab'}: damaged"

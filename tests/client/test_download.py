@@ -10,7 +10,7 @@ import pytest
 from archive.captures import META, ledger_of, slots, write
 from grabberd.cli.daemon_captures import _fetch
 from grabberd.client.daemon import Daemon
-from grabberd.errors import CaptureFileError, NotReady, StorageError
+from grabberd.errors import CaptureFileError, GrabberdError, NotReady, StorageError
 
 BROKEN_OFF = b"half of a file"
 
@@ -39,6 +39,15 @@ def daemon() -> Iterator[Daemon]:
         yield Daemon(f"http://127.0.0.1:{server.server_port}")
         server.shutdown()
         thread.join()
+
+
+def test_an_endless_answer_is_refused(daemon: Daemon, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("grabberd.client.daemon.LARGEST_ANSWER", 20)
+    monkeypatch.setattr(Answers, "whole", b"[" + 20 * b" " + b"]")
+    with pytest.raises(GrabberdError, match=r"the answer to http://127.0.0.1:[0-9]+/jobs has more than"):
+        daemon.ask("/jobs?limit=1")
+    monkeypatch.setattr(Answers, "whole", b"[" + 18 * b" " + b"]")
+    assert daemon.ask("/jobs") == []
 
 
 def document(taken):

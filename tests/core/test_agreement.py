@@ -5,7 +5,7 @@ import pytest
 
 from grabberd.core.geometry import Calibration, project
 from grabberd_fake import FakeOptions, truth_at
-from grabberd_fake.documents import calibration_document
+from grabberd_fake.__main__ import calibration_document
 from grabberd_fake.optics import build_views
 
 TIME_NS = 123_450_000_000

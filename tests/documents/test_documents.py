@@ -16,7 +16,7 @@ from grabberd.documents.calibrations import CalibrationDocument
 from grabberd.documents.captures import CaptureDocument, MadeWith
 from grabberd.documents.document import Document
 from grabberd.documents.examples import CAPTURE
-from grabberd.documents.requests import NewCapture
+from grabberd.documents.requests import CertifiedLength, NewCapture, TargetMark
 
 for module in pkgutil.iter_modules(grabberd.documents.__path__):
     importlib.import_module(f"grabberd.documents.{module.name}")
@@ -109,3 +109,11 @@ def test_the_example_of_a_capture_says_how_well_it_was_measured_in_the_programs_
     assert capture.coverage.missing_fields == capture.ledger.counts["lost"]
     for found in capture.coverage.findings:
         assert found.in_words == finding_in_words(found.code, found.values, found.miss)
+
+
+def test_a_number_that_cannot_be_reckoned_with_is_refused_with_the_reason() -> None:
+    for value in (1e308, -1e31, float("inf"), float("nan")):
+        with pytest.raises(ValidationError, match=r"1000000000000000000000000000000|finite"):
+            TargetMark(view="left", target=1, x_px=value, y_px=0.0)
+        with pytest.raises(ValidationError, match="CertifiedLength"):
+            CertifiedLength(between=(1, 2), length_mm=value)

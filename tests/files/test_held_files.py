@@ -19,7 +19,7 @@ from grabberd.archive.capture.verification import verify
 from grabberd.archive.capture.writer import CaptureWriter
 from grabberd.archive.guarded_database import open_tables, read_header
 from grabberd.errors import StorageError
-from grabberd.files.held_files import HeldConnection, connect, create, hold
+from grabberd.files.disk import HeldConnection, connect, create, hold
 from grabberd_replay.video import container_of
 
 

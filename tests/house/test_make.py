@@ -11,11 +11,13 @@ TARGETS = (
     "soak-clients",
     "soak-faults",
     "armour",
+    "hostile",
     "faults",
     "fuzz",
     "setups",
     "footage",
     "audit",
+    "world",
     "profile",
 )
 

@@ -7,10 +7,10 @@ from typing import Any
 
 import numpy as np
 import pytest
-from calibrators import SHIFT_MM, calibration, exact, failed
+from calibrators import SHIFT_MM, calibration, exact, failed, listed
 from running import PATIENCE_S, configuration, running, sealed, wait_until_it_accepts
 
-from grabberd.archive.calibrations.calibration_frames import calibration_frame_document
+from grabberd.archive.calibrations.calibration_catalog import calibration_frame_document
 from grabberd.archive.capture.reader import CaptureReader
 from grabberd.archive.state.calibration_store import CalibrationRecord
 from grabberd.config import GlassConfig, default_config_file
@@ -79,7 +79,7 @@ def shift_between(path: Path, run: int, other: int) -> float:
 
 def test_the_configurations_calibration_is_in_force_by_itself_and_listed(tmp_path: Path) -> None:
     with at_rest(tmp_path) as service:
-        [row] = service.active.rows()
+        [row] = listed(service)
         assert (row.id, row.origin, row.active) == (CONFIGURED, "configuration", True)
         assert (row.device, row.created_utc) == ("simulated", "2026-01-01T00:00:00Z")
         assert service.active.document(service.instrument(None)).activated_utc is None  # type: ignore[union-attr]
@@ -88,12 +88,12 @@ def test_the_configurations_calibration_is_in_force_by_itself_and_listed(tmp_pat
 def test_an_imported_one_waits_until_it_is_activated(tmp_path: Path) -> None:
     with at_rest(tmp_path) as service:
         service.import_calibration(calibration("rig-7", created_utc="2026-05-01T00:00:00Z"), None, "mirrors")
-        assert [(row.id, row.active) for row in service.active.rows()] == [
+        assert [(row.id, row.active) for row in listed(service)] == [
             ("rig-7", False),
             (CONFIGURED, True),
         ]
         service.active.activate("rig-7", service.instrument(None))
-        assert [row.active for row in service.active.rows()] == [True, False]
+        assert [row.active for row in listed(service)] == [True, False]
         assert service.active.row("rig-7").note == "mirrors"
 
 
@@ -137,7 +137,7 @@ def test_a_choice_that_is_damaged_is_replaced_by_none_and_says_so(tmp_path: Path
         damaged, *_ = service.active.warnings(service.instrument(None))
         assert "rig-7" in damaged
         assert "cannot be used" in damaged
-        assert [row.problem is None for row in service.active.rows()] == [True, False]
+        assert [row.problem is None for row in listed(service)] == [True, False]
         service.active.activate(CONFIGURED, service.instrument(None))
         assert service.active.warnings(service.instrument(None)) == []
 
@@ -172,7 +172,7 @@ def test_one_that_is_stored_and_configured_is_listed_once_with_its_note(tmp_path
     with at_rest(tmp_path, calibration=None) as service:
         service.import_calibration(calibration(CONFIGURED), None, "taken home")
     with at_rest(tmp_path) as service:
-        [row] = service.active.rows()
+        [row] = listed(service)
         assert (row.note, row.origin, row.active) == ("taken home", "import", True)
 
 
@@ -181,7 +181,7 @@ def test_a_stored_one_hidden_by_the_configurations_is_listed_with_that_problem(t
         service.import_calibration(calibration(CONFIGURED, shift_mm=1.0), None, "")
         service.active.activate(CONFIGURED, service.instrument(None))
     with at_rest(tmp_path) as service:
-        assert sorted(bool(row.problem) for row in service.active.rows()) == [False, True]
+        assert sorted(bool(row.problem) for row in listed(service)) == [False, True]
         assert service.instrument(None).setup.made_with["calibration"] == calibration(CONFIGURED)
 
 

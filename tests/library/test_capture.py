@@ -99,7 +99,11 @@ def test_measuring_adds_a_run(copy: grabberd.Capture) -> None:
     assert (measured.run, measured.fields, measured.verdict) == (2, 32, "measured_well")
     first, second = copy.points(1), copy.points()
     assert second.about["run"] == 2
-    assert np.array_equal(first["x_mm"], second["x_mm"])
+    assert np.array_equal(first["target"], second["target"])
+    off = np.abs(first["x_mm"] - second["x_mm"]) / first["sigma_x_mm"]
+    assert np.quantile(off, 0.99) < 1, "measured by an earlier version, it differs within σ"
+    copy.measure(copy.calibration)
+    assert np.array_equal(second["x_mm"], copy.points()["x_mm"])
 
 
 def test_a_method_that_there_is_not_is_refused_and_no_run_added(copy: grabberd.Capture) -> None:

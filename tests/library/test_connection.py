@@ -41,7 +41,7 @@ def test_captures_of_several_pages_come_as_one_list(
     connection: grabberd.Connection, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     made = [connection.start(fields=2, labels={"day": "long"}).wait(PATIENCE_S).id for _ in range(3)]
-    monkeypatch.setattr("grabberd.library.connection._PAGE", 2)
+    monkeypatch.setattr("grabberd.client.daemon.LONGEST_PAGE", 2)
     assert [one.id for one in connection.captures(day="long")] == made[::-1]
 
 

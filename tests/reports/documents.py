@@ -5,7 +5,8 @@ from typing import Any
 import numpy as np
 from scipy import stats
 
-from grabberd.core.geometry import PARAMETERS, project_all
+from grabberd.core.calibration.validity import Calibrated, Volume, validity_document
+from grabberd.core.geometry import PARAMETERS, LocalFields, project_all
 from reports import simulated
 from reports.simulated import BLUNDER, DROPPED, SIGMA_PX, Adjustment, Network, ObjectModel
 
@@ -66,6 +67,7 @@ def full(seed: int = 3) -> dict[str, Any]:
         "normality": [_normality(residuals, view) for view in ("left", "right", "both")],
         "validation": _validation(network, model),
         "volume": _volume(adjustment),
+        "validity": _validity(adjustment),
         "distortion": [simulated.distortion_field(view) for view in adjustment.views],
         "local_field": {
             "accepted": False,
@@ -323,6 +325,12 @@ def _volume(adjustment: Adjustment) -> dict[str, Any]:
         planes.append({"z_mm": z_mm, **shares})
     pointing = {"pointing_px": SIGMA_PX.tolist()}
     return {"x_mm": x_mm.tolist(), "y_mm": y_mm.tolist(), "planes": planes, **pointing}
+
+
+def _validity(adjustment: Adjustment) -> dict[str, Any]:
+    known = Calibrated(adjustment.views, adjustment.parameter_covariance, LocalFields(None, None), 576)
+    low, high = adjustment.xyz_mm.min(axis=0), adjustment.xyz_mm.max(axis=0)
+    return validity_document(known, Volume(low, high, (float(SIGMA_PX[0]), float(SIGMA_PX[1]))))
 
 
 def _sigma_grids(covariance: np.ndarray, inside: np.ndarray) -> dict[str, Any]:

@@ -1,9 +1,14 @@
 """A page as a reader finds it: its elements, tables by caption, figures and text."""
 
 import re
+from collections import deque
+from collections.abc import Mapping
 from html.parser import HTMLParser
+from itertools import islice
+from typing import Any
 
 from jinja2 import Environment
+from jinja2.runtime import Context
 
 VOID = {"meta", "br", "hr"}
 
@@ -14,12 +19,27 @@ def folded(text: str) -> str:
 
 
 def chapters_left_out(environment: Environment, report: str) -> list[str]:
-    """Templates in the folder of a report that it does not name, but for its head."""
+    """Chapters that a report has, or the template it extends, and that its list of chapters does not name."""
     assert environment.loader is not None
     source, _, _ = environment.loader.get_source(environment, f"{report}.html.jinja")
-    chapters = [name for name in environment.list_templates() if name.startswith(f"{report}/")]
-    names = [name.removeprefix(f"{report}/").removesuffix(".html.jinja") for name in chapters]
-    return [name for name in names if name != "head" and f'"{name}"' not in source]
+    named = {"title", "content", "head", *re.findall(r'", "(\w+)"\)', source)}
+    return sorted(_context(environment, report).blocks.keys() - named)
+
+
+def chapter(environment: Environment, report: str, name: str, values: Mapping[str, Any]) -> "Page":
+    """One chapter of a report alone."""
+    context = _context(environment, report, **values)
+    return Page("".join(context.blocks[name][0](context)))
+
+
+def _context(environment: Environment, report: str, **values: Any) -> Context:
+    """What the chapters of a report see once its template is open, which is where it imports macros."""
+    template = environment.get_template(f"{report}.html.jinja")
+    context = template.new_context(values)
+    deque(
+        islice(template.root_render_func(context), 2), maxlen=0
+    )  # the line end before its imports, and one more
+    return context
 
 
 class Page(HTMLParser):

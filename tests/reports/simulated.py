@@ -8,7 +8,8 @@ import numpy as np
 import yaml
 
 from core.geometry.rigs import aimed
-from grabberd.core.calibration import Adjustment, Network, Unknowns, adjust
+from grabberd.core.calibration.adjustment.adjustment import Adjustment, adjust
+from grabberd.core.calibration.adjustment.network import Network, Unknowns
 from grabberd.core.geometry import Rig, View, distortion, project_all, rotation_matrix
 from grabberd.core.reconstruction import ImageNoise, ObjectModel, Points, ViewBlobs, intersect
 

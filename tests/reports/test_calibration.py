@@ -57,14 +57,14 @@ def test_the_same_document_gives_the_same_page(document, text):
 def test_chapters_are_numbered(page):
     assert page.headings[:3] == ["Calibration report", "1 Acceptance", "Reasons of the verdict"]
     chapters = [heading for heading in page.headings[1:] if heading != "Reasons of the verdict"]
-    assert [int(heading.split()[0]) for heading in chapters] == [*range(1, 16)]
+    assert [int(heading.split()[0]) for heading in chapters] == [*range(1, 17)]
 
 
 def test_figures_can_be_heard_and_tables_have_captions_and_heads(page):
     pictures = page.all("svg")
-    assert len(pictures) == len(page.captions) == 9
+    assert len(pictures) == len(page.captions) == 10
     assert all(picture["role"] == "img" and picture["aria-label"] for picture in pictures)
-    assert len({picture["aria-label"] for picture in pictures}) == 9
+    assert len({picture["aria-label"] for picture in pictures}) == 10
     assert all(page.captions)
     assert len(page.tables) == len(page.all("table"))
     assert all(head.get("scope") in {"row", "col"} for head in page.all("th"))
@@ -209,6 +209,14 @@ def test_the_volume_is_summed_up_plane_by_plane(document, page):
         assert row[6].endswith(f"({fixed(largest, 4)})")
 
 
+def test_what_a_views_movement_would_cost_stands_in_a_table(document, page):
+    rows = page.table("Error of X / Y / Z")
+    assert len(rows) == 10
+    first = document["validity"]["movements"][0]
+    assert rows[0][:2] == ["left", "picture shifted along x, 0.1 px"]
+    assert rows[0][2].split(" / ") == [fixed(first["middle_mm"][axis], 4) for axis in "xyz"]
+
+
 def test_project_data_are_given_with_units_and_unknown_keys_too(document):
     capture = {"started_utc": "2026-01-02T02:59:00+00:00", "shutter_ms": 1.5}
     frame = document["calibration_frame"] | {"temperature_C": None}
@@ -223,7 +231,7 @@ def test_a_report_without_any_optional_part_says_so_of_each():
     assert not page.all("svg")
     assert set(page.tables) == {"Result at a glance"}
     absent = [attributes for tag, attributes in page.elements if attributes.get("class") == "absent"]
-    assert len(absent) == 19
+    assert len(absent) == 20
     assert "blunders were not sought" in page.text
 
 
@@ -240,7 +248,7 @@ def test_nothing_from_outside_becomes_markup(document):
     assert "<script" not in text
     assert not page.all("script")
     assert page.text.count(EVIL) > 400
-    assert text.count("<svg") == 9
+    assert text.count("<svg") == 10
 
 
 def test_a_view_by_another_name_and_a_shared_lens_are_drawn_as_well():

@@ -10,10 +10,10 @@ from grabberd.reports.figures import (
     geometry_svg,
     residuals_svg,
     validation_svg,
+    validity_svg,
     volume_svg,
 )
-from grabberd.reports.figures.drawing import WIDTH_MM, nice
-from grabberd.reports.figures.vectors import enlargement
+from grabberd.reports.figures.drawing import WIDTH_MM, enlargement, nice
 from reports.documents import full, least
 
 GRID = {"view": "left", "columns": [10.0, 20.0, 30.0], "lines": [5.0, 15.0]}
@@ -111,6 +111,22 @@ def test_a_volume_that_no_view_sees_or_that_is_even_can_be_drawn():
         grids = dict.fromkeys("xyz", [[value] * 3] * 4)
         volume = {"x_mm": [0, 1, 2, 3], "y_mm": [0, 1, 2], "planes": [{"z_mm": 0.0, "total": grids}]}
         assert "Z = 0.0 mm" in volume_svg(volume, "total", "a volume")
+
+
+def test_what_lies_outside_of_the_frames_volume_is_hatched(document):
+    svg = validity_svg(document["validity"], "where it is good")
+    assert "hatch" in svg or "pattern" in svg
+    assert "σ over the volume" in svg
+
+
+def test_a_validity_without_any_place_that_both_views_see_can_be_drawn(document):
+    validity = document["validity"]
+    blind = [
+        view | {"point_mm": {axis: [[None] * len(view["columns"])] * len(view["lines"]) for axis in "xyz"}}
+        for view in validity["views"]
+    ]
+    depths = validity["depths"] | {"inside": [False] * len(validity["depths"]["z_mm"])}
+    assert "<svg" in validity_svg(validity | {"views": blind, "depths": depths}, "blind")
 
 
 def test_one_view_alone_can_be_drawn(document):

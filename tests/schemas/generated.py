@@ -13,7 +13,7 @@ _TEXTS = st.text("abcxyz0189 .-", min_size=1, max_size=8)
 
 
 def drawn_from(schema: dict[str, Any]) -> st.SearchStrategy[Any]:
-    """Documents of a schema that is put together as in `grabberd.schemas.forms`."""
+    """Documents of a schema that is put together as in `grabberd.schemas.files`."""
     if "anyOf" in schema:
         return st.one_of([drawn_from(one) for one in schema["anyOf"]])
     if "const" in schema:

@@ -17,7 +17,7 @@ from pydantic import TypeAdapter, ValidationError
 from typer.testing import CliRunner
 
 import grabberd
-from grabberd.archive.calibrations.calibration_frames import calibration_frame_model
+from grabberd.archive.calibrations.calibration_catalog import calibration_frame_model
 from grabberd.cli.app import app
 from grabberd.config import load_config
 from grabberd.core.geometry import Calibration, Reading
@@ -182,8 +182,8 @@ READERS: dict[str, tuple[Callable[[dict[str, Any]], object], Path]] = {
     "analysis-inputs": (read_inputs, CONFIGS / "analysis/liner.yaml"),
 }
 ONLY_THE_READER_KNOWS = {
-    "object": ("is given twice",),
-    "calibration-frame": ("is given twice",),
+    "object": ("is given twice", "three numbers that are not all 0"),
+    "calibration-frame": ("is given twice", "three numbers that are not all 0"),
     "calibration": (
         "ISO 8601",
         "do not lie inside the picture",

@@ -9,9 +9,11 @@ from grabberd.archive.capture.reader import CaptureReader
 from grabberd.config import shipped_configs
 from grabberd.core.geometry import Calibration
 from grabberd.documents.calibration_reports import CalibrationReport
+from grabberd.documents.calibrations import CalibrationRow
 from grabberd.documents.requests import CalibrationOptions
 from grabberd.errors import MeasurementError
 from grabberd.library.jobs.calibration import CalibrationOutput
+from grabberd.server.daemon.service import Service
 from grabberd.work.job_spec import Progress
 
 Document = dict[str, Any]
@@ -25,6 +27,12 @@ def calibration(calibration_id: str, shift_mm: float = 0.0, **changes: Any) -> D
     for view in document["views"].values():
         view["Z0_mm"] += shift_mm
     return document | {"id": calibration_id} | changes
+
+
+def listed(service: Service) -> list[CalibrationRow]:
+    """All calibrations of a service as they are listed."""
+    heads, row = service.active.listing()
+    return [row(head) for head in heads]
 
 
 def failed(calibration_id: str) -> Document:

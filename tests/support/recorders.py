@@ -6,8 +6,7 @@ from slots import STREAM, ManualClock, Source
 
 from grabberd.core.ledger import Slot
 from grabberd.instrument.acquisition import Ring, RingReader, StreamInfo
-from grabberd.instrument.capture.edges import Begin
-from grabberd.instrument.capture.recorder import Backlog, Recorder
+from grabberd.instrument.capture.recorder import Backlog, Begin, Recorder
 
 
 def recorder(

@@ -14,7 +14,7 @@ from grabberd.instrument.acquisition import Ring
 from grabberd.instrument.capture.capture_request import CaptureRequest, NewCapture
 from grabberd.instrument.capture.recorder import Backlog, Recorder
 from grabberd.instrument.capture.recording import Recording
-from grabberd.instrument.channels.channel_recording import ChannelRecording
+from grabberd.instrument.channels.feed import ChannelRecording
 
 PATIENCE_S = 30.0
 

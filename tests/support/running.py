@@ -1,5 +1,6 @@
 """A service on the simulated grabber for tests: as fast as its reader goes, or at the camera's own pace."""
 
+import threading
 import time
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
@@ -15,6 +16,8 @@ from grabberd.server.daemon.service import Service
 from grabberd_fake import FakeGrabber
 
 PATIENCE_S = 120.0
+# A grabber that has not waited for so long is closed; whether its thread has ended is looked at so often.
+GONE_S, LOOK_S = 10.0, 0.05
 T = TypeVar("T")
 
 
@@ -30,17 +33,39 @@ def configuration(options: Mapping[str, Any], **changes: Any) -> Config:
 
 
 class PatientClock(SystemClock):
-    """Goes on only while the grabber waits for its next field: whoever takes it is never late."""
+    """Goes on only while all grabbers wait for their next fields: whoever takes them is never late."""
 
     def __init__(self) -> None:
         self._now_ns = super().now_ns()
+        self._heeded_ns: dict[int, int] = {}
+        self._heeds = threading.Condition()
 
     def now_ns(self) -> int:
         return self._now_ns
 
     def sleep_until_ns(self, time_ns: int) -> None:
-        time.sleep(max(time_ns - self._now_ns, 0) / 1e9)
-        self._now_ns = max(self._now_ns, time_ns)
+        """Goes on to this time once no other thread that slept here has something to do before."""
+        own = threading.get_ident()
+        with self._heeds:
+            self._heeded_ns[own] = time_ns
+            self._heeds.notify_all()
+        self.pace(max(time_ns - self._now_ns, 0) / 1e9)
+        with self._heeds:
+            gone_s = time.monotonic() + GONE_S
+            while self._somebody_is_behind(time_ns):
+                if time.monotonic() > gone_s:
+                    self._heeded_ns = {own: time_ns}
+                self._heeds.wait(LOOK_S)
+            self._now_ns = max(self._now_ns, time_ns)
+
+    def _somebody_is_behind(self, time_ns: int) -> bool:
+        living = {thread.ident for thread in threading.enumerate()}
+        self._heeded_ns = {who: until for who, until in self._heeded_ns.items() if who in living}
+        return min(self._heeded_ns.values()) < time_ns
+
+    def pace(self, seconds: float) -> None:
+        """Lets so much of this clock's time pass for the calling thread."""
+        time.sleep(seconds)
 
     def pass_by(self, seconds: float) -> None:
         """Goes on by so much at once."""

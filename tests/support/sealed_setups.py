@@ -17,8 +17,7 @@ from grabberd.config import AnalysisConfig, default_config_file
 from grabberd.documents.document import JsonObject
 from grabberd.documents.enums import JobState
 from grabberd.instrument.setup import DeviceSetup, set_up
-from grabberd_liner.analyses.capture_analyses import CaptureAnalyses
-from grabberd_liner.analyses.sealed_analyses import SealedAnalyses
+from grabberd_liner.analyses.capture_analyses import CaptureAnalyses, SealedAnalyses
 from grabberd_liner.analyses.store import AnalysisStore
 from grabberd_liner.profiles.profiles import Profiles
 

@@ -36,7 +36,7 @@ for name in ("calibration", "analysis"):
 complete() { # the site and the examples are in it
     "$work/venv/bin/python" -c '
 import grabberd
-from grabberd.server.web.site import Site
+from grabberd.server.web.page import Site
 assert Site().is_built, "the documentation has been forgotten"
 assert Site().find("tutorials/first_look.ipynb"), "the notebooks have been forgotten"
 for name in ("frame.grab", "liner.grab", "object.grab"):

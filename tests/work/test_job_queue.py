@@ -15,8 +15,7 @@ from grabberd.documents.enums import JobState
 from grabberd.errors import Cause, Conflict, NotFound
 from grabberd.library.jobs.calibration_jobs import CalibrationJob, IdentificationJob
 from grabberd.library.jobs.measurement import MeasurementJob
-from grabberd.server.daemon.check_job import CheckJob
-from grabberd.server.daemon.jobs import KINDS
+from grabberd.server.daemon.jobs import KINDS, CheckJob
 from grabberd.work import job_queue as module
 from grabberd.work.job_queue import KEPT
 from grabberd.work.job_rows import MOST_ATTEMPTS
@@ -192,6 +191,19 @@ def test_a_queue_without_end_is_refused(jobs: Jobs, monkeypatch: pytest.MonkeyPa
         jobs.queue.submit(Simple())
     with pytest.raises(Conflict, match="2 jobs wait already"):
         jobs.queue.submit(Simple())
+
+
+def test_the_parameters_of_all_that_wait_have_a_bound(
+    jobs: Jobs, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(module, "MOST_PARAMETERS", 2 << 20)
+    logged = AnalysisJob(subject="c1", vacuum_log="7" * (3 << 20))
+    first = jobs.queue.submit(logged)
+    for queue in (jobs.queue, jobs_in(tmp_path).queue):
+        with pytest.raises(Conflict, match="jobs with 3 MB of parameters wait already"):
+            queue.submit(Simple())
+    jobs.queue.cancel(first.id)
+    jobs.queue.submit(Simple())
 
 
 def test_a_job_of_a_queue_that_was_lost_is_no_other_one_afterwards(tmp_path: Path) -> None:

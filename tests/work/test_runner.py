@@ -144,6 +144,25 @@ def test_a_running_and_a_waiting_job_can_be_cancelled(jobs: Jobs) -> None:
     assert jobs.queue.get(waiting.id).state is JobState.CANCELLED
 
 
+def test_a_job_that_is_cancelled_before_the_process_has_it_is_not_done(tmp_path: Path) -> None:
+    diary = tmp_path / "diary"
+
+    def cancel(job: str, spec: JobSpec) -> JobContext:
+        if isinstance(spec, Die):
+            jobs.queue.cancel(job)
+        return JobContext(job=job)
+
+    jobs = jobs_in(tmp_path / "state", context=cancel)
+    cancelled = jobs.queue.submit(Die(diary=str(diary), survives=1))
+    jobs.runner.start()
+    try:
+        assert outcome(jobs, Add()).state is JobState.DONE
+    finally:
+        jobs.runner.stop()
+    assert jobs.queue.get(cancelled.id).state is JobState.CANCELLED
+    assert not diary.exists()
+
+
 def test_to_cancel_one_job_never_costs_the_next_one_an_attempt(jobs: Jobs) -> None:
     for _ in range(5):
         hanging, after = jobs.queue.submit(Hang()), jobs.queue.submit(Add())

@@ -18,8 +18,9 @@ from numpy.typing import NDArray
 
 from grabberd.clock import Clock
 from grabberd.core.channels import Anomaly, Dating, MissingReadings, Readings
-from grabberd.errors import DeviceLost, DeviceRefused, StreamFailed
-from grabberd.instrument.acquisition.discovery import attribute
+from grabberd.errors import DeviceLost, DeviceRefused, StreamFailed, count_of
+from grabberd.instrument.acquisition.device import attribute
+from grabberd.tables import LARGEST_NUMBER
 from grabberd_loggers.iio.tree import IioChannel, IioDevice, number
 
 MISSED = "a reading was left out: the one before took too long"
@@ -88,7 +89,7 @@ class PolledChannels:
         self._due_ns += self._period_ns
         missed = max(-(-(now_ns - self._due_ns) // self._period_ns), 0)
         self._due_ns += missed * self._period_ns
-        return [Anomaly(now_ns, MISSED, f"{missed} readings", missed)] if missed else []
+        return [Anomaly(now_ns, MISSED, count_of(missed, "reading"), missed)] if missed else []
 
     def _value(self, channel: IioChannel, file: int, now_ns: int, anomalies: list[Anomaly]) -> float:
         try:
@@ -104,7 +105,7 @@ class PolledChannels:
             raw = float(content)
         except ValueError:
             raw = math.nan
-        if not math.isfinite(raw):
+        if not abs(raw) <= LARGEST_NUMBER:
             anomalies.append(Anomaly(now_ns, NOT_A_NUMBER, f"{channel.name}: {content[:40]!r}", 1))
             return math.nan
         return channel.value(raw)

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from grabberd.instrument.acquisition.discovery import SYSTEM, Roots, attribute, by_number
+from grabberd.instrument.acquisition.device import SYSTEM, Roots, attribute, by_number
 
 _CHANNEL = re.compile(r"^in_(?P<name>(?P<kind>pressure|voltage|current|resistance|temp)\w*?)_(raw|input)$")
 _UNITS = {"pressure": "kPa", "voltage": "mV", "current": "mA", "resistance": "Ohm", "temp": "m°C"}

@@ -20,7 +20,7 @@ BIT_NS = 92_361_000
 STEP_NS = 10_000_000
 """Time between readings of a light that is not switched."""
 SLOW_NS = 10_000_000
-"""Duration of a switching that is worth a word: half a field, in which nothing is told from it."""
+"""Duration of switching that is reported: half a field, below which it changes no result."""
 _LOST_NS = 1_000_000_000
 """Delay after which nothing is said of the time before: the computer slept."""
 _CLOCK_SIGMA_NS = 1_000

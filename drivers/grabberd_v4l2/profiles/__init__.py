@@ -2,6 +2,7 @@
 
 from collections.abc import Iterable, Mapping
 from enum import StrEnum
+from functools import cache
 from importlib.resources import files
 from importlib.resources.abc import Traversable
 from pathlib import Path
@@ -11,7 +12,8 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError, field_valida
 
 from grabberd.bounded_documents import as_written, parse_yaml, read_text
 from grabberd.core.field import PARITIES
-from grabberd.instrument.acquisition.discovery import Verdict
+from grabberd.errors import said
+from grabberd.instrument.acquisition.device import Verdict
 from grabberd_v4l2.abi import Arrangement
 
 __all__ = ["DEFAULT", "DIRECTORY", "Profile", "Profiles", "SignalSource"]
@@ -21,8 +23,6 @@ DIRECTORY = Path("/etc/grabberd/profiles.d")
 """Directory of the installer's own profiles."""
 DEFAULT = "default"
 """Profile of unknown drivers."""
-
-_BUILT_IN = files(__package__)
 
 
 class SignalSource(StrEnum):
@@ -111,7 +111,7 @@ class Profiles(NamedTuple):
         An invalid file is skipped and reported in `remarks`.
         """
         # Documents are merged, not profiles, so that a file can override single keys.
-        documents = {document["driver"]: document for document in map(_read, _yaml_files(_BUILT_IN))}
+        documents = dict(_built_in())
         remarks = []
         for file in _yaml_files(directory):
             try:
@@ -150,6 +150,12 @@ def _yaml_files(directory: Traversable) -> Iterable[Traversable]:
     return sorted((file for file in directory.iterdir() if file.name.endswith(".yaml")), key=str)
 
 
+@cache
+def _built_in() -> Mapping[str, dict[str, Any]]:
+    """Documents of the package by driver, read once: a device is opened again and again."""
+    return {document["driver"]: document for document in map(_read, _yaml_files(files(__package__)))}
+
+
 def _read(file: Traversable) -> dict[str, Any]:
     document = parse_yaml(read_text(file))
     if not isinstance(document, dict) or not isinstance(document.get("driver"), str):
@@ -160,5 +166,5 @@ def _read(file: Traversable) -> dict[str, Any]:
 def _in_words(error: Exception) -> str:
     """All problems on one line."""
     if isinstance(error, ValidationError):
-        return "; ".join(f"{'.'.join(map(str, e['loc']))}: {e['msg']}" for e in error.errors())
+        return "; ".join(f"{'.'.join(map(str, e['loc']))}: {said(e['msg'])}" for e in error.errors())
     return " ".join(str(error).split())

@@ -1,7 +1,7 @@
 """Access: tokens with roles, the browser sessions they are traded for, and the machine key.
 
-Only digests of secrets are stored. Values read from the database are cached until the header of its file
-changes. The header is read without SQLite and without waiting for a disk, because the event loop does it.
+Only digests of secrets are stored. Who holds a token is remembered, because the event loop asks and must not
+wait for a disk.
 """
 
 import errno
@@ -11,7 +11,6 @@ import logging
 import os
 import re
 import secrets
-import threading
 import weakref
 from collections import OrderedDict
 from collections.abc import Callable, Hashable
@@ -19,13 +18,134 @@ from contextlib import suppress
 from dataclasses import dataclass
 from datetime import timedelta
 from pathlib import Path
-from typing import Generic, Literal, NamedTuple, TypeVar
+from typing import Generic, Literal, TypeVar
 
-from grabberd.archive.state.token_store import GUARDED, Holder, TokenRow, TokenStore
+from grabberd import runtime
+from grabberd.archive.state.state_database import GUARDED, Holder, TokenRow, TokenStore
 from grabberd.clock import SystemClock, UtcClock, iso_utc
 from grabberd.documents.enums import Role
 from grabberd.errors import AccessExpired, Conflict, InputError, StorageError
 from grabberd.files.disk import OWNER_ONLY
+
+T = TypeVar("T")
+K = TypeVar("K")
+V = TypeVar("V")
+_HEAD, _FORMATS, _CHANGES = 40, slice(18, 20), slice(24, 40)
+"""Bytes of the header that are read; write and read format; and what every transaction changes: the counter
+and the bytes after it, by which SQLite itself detects that its cache is stale."""
+_ROLLBACK_JOURNAL = b"\x01\x01"
+"""Formats of a file without a write-ahead log, which would not update the counter."""
+
+
+Version = tuple[int | bytes, ...]
+"""Version of a file's content; equal versions mean equal content. Device, inode, size and times, which reveal
+a replaced file, and the bytes of the header that every transaction changes."""
+
+
+class FileVersion:
+    """Reads the present version of a database file without ever waiting for the disk.
+
+    The file is held open: SQLite's locks belong to the process, and closing any descriptor of the file would
+    release the locks of other threads.
+
+    Args:
+        path: The file.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self._path = path
+        self._lock = runtime.lock()
+        self._descriptor: int | None = None
+        self._of: tuple[int, int] | None = None
+        self._close: Callable[[], object] = lambda: None
+
+    def now(self) -> Version | None:
+        """The present version; None if it cannot be read at once, or the file has a write-ahead log.
+
+        The content is read only if it is in the page cache; the name usually is in memory as well.
+        """
+        with suppress(OSError), self._lock:
+            found = os.stat(self._path)
+            head = bytearray(_HEAD)
+            # NOWAIT: this runs in the event loop, and a disk may hang.
+            read = os.preadv(self._opened(found), [head], 0, os.RWF_NOWAIT)
+            if read == _HEAD and head[_FORMATS] == _ROLLBACK_JOURNAL:
+                times = (found.st_mtime_ns, found.st_ctime_ns)
+                return (found.st_dev, found.st_ino, found.st_size, *times, bytes(head[_CHANGES]))
+        return None
+
+    def _opened(self, found: os.stat_result) -> int:
+        """A descriptor of the file, reopened if the file has been replaced."""
+        if self._descriptor is None or self._of != (found.st_dev, found.st_ino):
+            self._close()
+            self._descriptor = descriptor = os.open(self._path, os.O_RDONLY | os.O_CLOEXEC)
+            self._close = weakref.finalize(self, os.close, descriptor)
+            opened = os.fstat(descriptor)
+            self._of = (opened.st_dev, opened.st_ino)
+            if self._of != (found.st_dev, found.st_ino):
+                raise OSError(errno.ESTALE, os.strerror(errno.ESTALE), str(self._path))
+        return self._descriptor
+
+
+class NotRemembered(Exception):
+    """A value is not cached, so the database would have to be read."""
+
+
+class Remembered(Generic[T]):
+    """A cache of values read from a database, valid until anything in it changes; any thread may call.
+
+    Args:
+        version: Version of the database's file.
+        most: Maximum number of values; the least recently used one is dropped.
+    """
+
+    def __init__(self, version: FileVersion, most: int) -> None:
+        self._version = version
+        self._most = most
+        self._lock = runtime.lock()
+        self._of: Version | None = None
+        self._values: OrderedDict[Hashable, T] = OrderedDict()
+
+    def get(self, key: Hashable, read: Callable[[], T | None], *, at_once: bool = False) -> T | None:
+        """The value of a key, from the cache or the database; None is not cached.
+
+        Args:
+            key: Key of the value.
+            read: Reads the value from the database.
+            at_once: True if the database must not be read.
+
+        Raises:
+            NotRemembered: The value is not cached.
+        """
+        before = self._version.now()
+        with self._lock:
+            if before is not None and before == self._of and key in self._values:
+                self._values.move_to_end(key)
+                return self._values[key]
+        if at_once:
+            raise NotRemembered
+        value = read()
+        # Cached only if the version is the same before and after: otherwise the value may belong to either.
+        # After a rollback, the next transaction reaches the same counter again with different content.
+        if value is not None and before is not None and before == self._version.now():
+            self._enter(key, value, before)
+        return value
+
+    def _enter(self, key: Hashable, value: T, version: Version) -> None:
+        with self._lock:
+            if version != self._of:
+                self._values.clear()
+                self._of = version
+            enter(self._values, key, value, self._most)
+
+
+def enter(entries: OrderedDict[K, V], key: K, value: V, most: int) -> None:
+    """Enters a key as the newest, and drops the oldest if there are too many."""
+    entries[key] = value
+    entries.move_to_end(key)
+    if len(entries) > most:
+        entries.popitem(last=False)
+
 
 log = logging.getLogger(__name__)
 SECRET_BYTES = 32
@@ -38,14 +158,6 @@ FILE = "machine.key"
 """Name of the file with the machine key."""
 PREFIX = "grabberd_"
 """Prefix of every secret, so that one in a file or a log is recognised."""
-T = TypeVar("T")
-_HEAD = 40
-"""Length of the part of the database's header that is read."""
-_FORMATS = slice(18, 20)
-_ROLLBACK_JOURNAL = b"\x01\x01"
-"""Write and read format of a file without a write-ahead log, which would not update the counter."""
-_CHANGES = slice(24, 40)
-"""The change counter and the bytes after it, by which SQLite itself detects that its cache is stale."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -280,115 +392,3 @@ def readable_key(directory: Path) -> Path | None:
     """Path of a daemon's key, or None if it does not exist or this user may not read it."""
     path = directory / FILE
     return path if os.access(path, os.R_OK) else None
-
-
-class Version(NamedTuple):
-    """Version of a file's content; equal versions mean equal content.
-
-    Attributes:
-        identity: Device, inode, size and times of the file, which reveal a replaced file.
-        changes: Bytes of the header that every transaction changes.
-    """
-
-    identity: tuple[int, int, int, int, int]
-    changes: bytes
-
-
-class FileVersion:
-    """Reads the present version of a database file without ever waiting for the disk.
-
-    The file is held open: SQLite's locks belong to the process, and closing any descriptor of the file would
-    release the locks of other threads.
-
-    Args:
-        path: The file.
-    """
-
-    def __init__(self, path: Path) -> None:
-        self._path = path
-        self._lock = threading.Lock()
-        self._descriptor: int | None = None
-        self._of: tuple[int, int] | None = None
-        self._close: Callable[[], object] = lambda: None
-
-    def now(self) -> Version | None:
-        """The present version; None if it cannot be read at once, or the file has a write-ahead log.
-
-        The content is read only if it is in the page cache; the name usually is in memory as well.
-        """
-        with suppress(OSError), self._lock:
-            found = os.stat(self._path)
-            head = bytearray(_HEAD)
-            # NOWAIT: this runs in the event loop, and a disk may hang.
-            read = os.preadv(self._opened(found), [head], 0, os.RWF_NOWAIT)
-            if read == _HEAD and head[_FORMATS] == _ROLLBACK_JOURNAL:
-                identity = (found.st_dev, found.st_ino, found.st_size, found.st_mtime_ns, found.st_ctime_ns)
-                return Version(identity, bytes(head[_CHANGES]))
-        return None
-
-    def _opened(self, found: os.stat_result) -> int:
-        """A descriptor of the file, reopened if the file has been replaced."""
-        if self._descriptor is None or self._of != (found.st_dev, found.st_ino):
-            self._close()
-            self._descriptor = descriptor = os.open(self._path, os.O_RDONLY | os.O_CLOEXEC)
-            self._close = weakref.finalize(self, os.close, descriptor)
-            opened = os.fstat(descriptor)
-            self._of = (opened.st_dev, opened.st_ino)
-            if self._of != (found.st_dev, found.st_ino):
-                raise OSError(errno.ESTALE, os.strerror(errno.ESTALE), str(self._path))
-        return self._descriptor
-
-
-class NotRemembered(Exception):
-    """A value is not cached, so the database would have to be read."""
-
-
-class Remembered(Generic[T]):
-    """A cache of values read from a database, valid until anything in it changes; any thread may call.
-
-    Args:
-        version: Version of the database's file.
-        most: Maximum number of values; the least recently used one is dropped.
-    """
-
-    def __init__(self, version: FileVersion, most: int) -> None:
-        self._version = version
-        self._most = most
-        self._lock = threading.Lock()
-        self._of: Version | None = None
-        self._values: OrderedDict[Hashable, T] = OrderedDict()
-
-    def get(self, key: Hashable, read: Callable[[], T | None], *, at_once: bool = False) -> T | None:
-        """The value of a key, from the cache or the database; None is not cached.
-
-        Args:
-            key: Key of the value.
-            read: Reads the value from the database.
-            at_once: True if the database must not be read.
-
-        Raises:
-            NotRemembered: The value is not cached.
-        """
-        before = self._version.now()
-        with self._lock:
-            if before is not None and before == self._of and key in self._values:
-                self._values.move_to_end(key)
-                return self._values[key]
-        if at_once:
-            raise NotRemembered
-        value = read()
-        # Cached only if the version is the same before and after: otherwise the value may belong to either.
-        # After a rollback, the next transaction reaches the same counter again with different content.
-        if value is not None and before is not None and before == self._version.now():
-            self._enter(key, value, before)
-        return value
-
-    def _enter(self, key: Hashable, value: T, version: Version) -> None:
-        with self._lock:
-            if version != self._of:
-                self._values.clear()
-                self._of = version
-            self._values[key] = value
-            self._values.move_to_end(key)
-            if len(self._values) > self._most:
-                self._values.popitem(last=False)

@@ -1,29 +1,38 @@
-"""Contents of captures as read by a separate process: as a whole or in pieces.
+"""Contents of captures as read by a separate process, or written by one: as a whole or in pieces.
 
 Readers of sealed captures stay open between two requests: a page requests one field after the other, and
 opening the file, checking it and decoding half a second of fields takes far longer than reading one.
+
+pyarrow and scipy.io are large, slow to import and keep the interpreter to themselves while they write, so
+points as Parquet or as a MAT-file come from a niced process of their own.
 """
 
 import logging
-import threading
-import time
-from collections.abc import Callable, Iterable, Iterator
-from contextlib import contextmanager
+import os
+import tempfile
+import threading  # noqa: TID251 - its semaphore waits for nobody
+from collections.abc import Callable, Generator, Iterable, Iterator
+from contextlib import closing, contextmanager
 from functools import partial
 from pathlib import Path
 from typing import Any, NamedTuple
 
+from grabberd import runtime
 from grabberd.archive.capture.meta import SEALED
 from grabberd.archive.capture.reader import CaptureReader
 from grabberd.archive.capture.schema import named_now, reading_errors
+from grabberd.archive.catalogue.capture_documents import ledger_json, run_json
 from grabberd.archive.export.c3d_file import points_c3d
 from grabberd.archive.export.channels_export import channels_csv
 from grabberd.archive.export.field_pictures import field_png, thumbnail_png
-from grabberd.archive.export.page_documents import channels_json, points_json
-from grabberd.archive.export.points_export import points_csv, points_ply
-from grabberd.archive.export.replay_stretches import replay_pictures, replay_points
+from grabberd.archive.export.mat_file import check_stream_size, points_mat
+from grabberd.archive.export.page_documents import channels_json, points_json, replay_pictures, replay_points
+from grabberd.archive.export.points_export import open_run, points_csv, points_parquet, points_ply
+from grabberd.archive.export.table_files import check_parquet
 from grabberd.archive.guarded_database import read_header
+from grabberd.errors import ReadingGivenUp, StorageError
 from grabberd.work.child import Limits
+from grabberd.work.process import NoAnswer, Process
 
 MOST = 4
 """Maximum number of open captures; each may hold a group of pictures and one of points, some 10 MB."""
@@ -62,11 +71,11 @@ class KeptReaders:
         now_s: Source of monotonic time.
     """
 
-    def __init__(self, now_s: Callable[[], float] = time.monotonic) -> None:
+    def __init__(self, now_s: Callable[[], float] = runtime.monotonic) -> None:
         self._now_s = now_s
-        self._lock = threading.Lock()
+        self._lock = runtime.lock()
         self._kept: dict[Path, _Kept] = {}
-        self._timer: threading.Timer | None = None
+        self._timer: runtime.Timer | None = None
 
     @contextmanager
     def opened(self, path: Path) -> Iterator[CaptureReader]:
@@ -133,7 +142,7 @@ class KeptReaders:
         """Makes sure that a timer will close old readers; returns all if no thread can be started."""
         if self._timer is None and self._kept:
             oldest_s = min(kept.until_s for kept in self._kept.values())
-            timer = threading.Timer(max(0.0, oldest_s - self._now_s()), self._look)
+            timer = runtime.Timer(max(0.0, oldest_s - self._now_s()), self._look)
             timer.daemon = True
             try:
                 timer.start()
@@ -185,7 +194,7 @@ the stacks of as many threads."""
 _KEPT = KeptReaders()
 _RANDOM_ACCESS: tuple[Callable[..., Any], ...] = (
     *(points_json, field_png, thumbnail_png, channels_json),
-    *(replay_points, replay_pictures),
+    *(replay_points, replay_pictures, ledger_json, run_json),
 )
 CONTENTS: dict[str, Callable[..., Any]] = {
     **{read.__name__: partial(read, opened=_KEPT.opened) for read in _RANDOM_ACCESS},
@@ -195,5 +204,90 @@ CONTENTS: dict[str, Callable[..., Any]] = {
 
 
 def read(name: str, *arguments: Any) -> Any:
-    """Reads one of `CONTENTS`; called in the process."""
-    return CONTENTS[name](*arguments)
+    """Reads one of `CONTENTS`; called in the process. What is large is given piece by piece."""
+    found = CONTENTS[name](*arguments)
+    is_large = isinstance(found, bytes | bytearray) and len(found) > LARGEST_WHOLE
+    return _pieces_of(found) if is_large else found
+
+
+def _pieces_of(whole: bytes | bytearray) -> Generator[bytes, None, None]:
+    for first in range(0, len(whole), CHUNK_BYTES):
+        yield bytes(whole[first : first + CHUNK_BYTES])
+
+
+LARGEST_WHOLE = 1 << 20
+"""Largest answer in bytes that the daemon takes as a whole."""
+CHUNK_BYTES = 65_536
+STREAM_LIMITS = Limits(niceness=10)
+"""Without a limit of memory: Parquet is written in groups of rows, and a MAT-file's size is known before."""
+PARQUET, MAT = "Parquet", "MAT-file"
+MOST_WRITING = 2
+"""Processes that write such files at a time: each takes more memory than many other answers together."""
+_WRITING = threading.BoundedSemaphore(MOST_WRITING)
+
+
+def parquet_stream(path: Path, run: int | None = None) -> Generator[bytes, None, None]:
+    """A Parquet file as it is written; errors are raised at once, before the first bytes.
+
+    Raises:
+        CaptureFileError, NotFound, ExtraMissing: See `points_parquet`.
+    """
+    check_parquet()
+    reader, number = open_run(path, run)
+    reader.close()
+    return _from_child(PARQUET, path, number)
+
+
+def mat_stream(path: Path, run: int | None = None) -> Generator[bytes, None, None]:
+    """A MAT-file, once it has been written; errors are raised at once, before the first bytes.
+
+    Raises:
+        CaptureFileError, NotFound: See `points_mat`.
+        InputError: It would take too much of the daemon's memory.
+    """
+    reader, number = open_run(path, run)
+    with reader:
+        check_stream_size(reader, number)
+    return _from_child(MAT, path, number)
+
+
+def _from_child(kind: str, path: Path, run: int) -> Generator[bytes, None, None]:
+    if not _WRITING.acquire(blocking=False):
+        hint = "try again in a moment, or take the points as CSV"
+        raise ReadingGivenUp(f"{MOST_WRITING} files are being written as {PARQUET} or {MAT} already", hint)
+    try:
+        with closing(Process(STREAM_LIMITS)) as process:
+            yield from process.stream(
+                f"{__name__}:{'parquet' if kind == PARQUET else 'mat'}_pieces", path, run
+            )
+    except (NoAnswer, RuntimeError) as error:
+        # The status line is long sent: only an exception cuts the answer off, and keeps it from passing for
+        # whole.
+        raise StorageError(f"{path.name} could not be written as {kind}", "the log says why") from error
+    finally:
+        _WRITING.release()
+
+
+def parquet_pieces(path: Path, run: int) -> Generator[bytes, None, None]:
+    """A capture's points as Parquet while it is written; called in the process."""
+    reading, writing = os.pipe()
+
+    def write() -> None:
+        with os.fdopen(writing, "wb") as output:
+            points_parquet(path, run, output)
+
+    with runtime.pool(1) as pool, os.fdopen(reading, "rb", buffering=0) as written:
+        result = pool.submit(write)
+        while chunk := written.read(CHUNK_BYTES):
+            yield chunk
+        result.result()
+
+
+def mat_pieces(path: Path, run: int) -> Generator[bytes, None, None]:
+    """A capture's points as a MAT-file, once it is written; called in the process."""
+    # The sizes of a MAT-file are put in once they are known, which a pipe cannot do.
+    with tempfile.TemporaryFile() as whole:
+        points_mat(path, run, whole)
+        whole.seek(0)
+        while chunk := whole.read(CHUNK_BYTES):
+            yield chunk

@@ -9,12 +9,13 @@ import os
 import sqlite3
 import stat
 import struct
-import time
 from functools import cache
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from grabberd.files.held_files import HeldConnection, connect, hold
+from grabberd import runtime
+from grabberd.errors import count_of
+from grabberd.files.disk import HeldConnection, connect, hold
 from grabberd.files.patience import is_over
 
 JOURNAL = "-journal"
@@ -58,7 +59,7 @@ class GuardedConnection(HeldConnection):
     def __init__(self, *args: Any, **options: Any) -> None:
         super().__init__(*args, **options)
         self.longest_s = LONGEST_S
-        self._until_s = time.monotonic() + LONGEST_S
+        self._until_s = runtime.monotonic() + LONGEST_S
         self.set_progress_handler(self._has_to_stop, _OPCODES)
         self.setlimit(sqlite3.SQLITE_LIMIT_LENGTH, LARGEST_CELL)
         self.setlimit(sqlite3.SQLITE_LIMIT_SQL_LENGTH, LARGEST_SQL)
@@ -70,16 +71,16 @@ class GuardedConnection(HeldConnection):
 
     def execute(self, *args: Any) -> sqlite3.Cursor:
         """See `sqlite3.Connection.execute`."""
-        self._until_s = time.monotonic() + self.longest_s
+        self._until_s = runtime.monotonic() + self.longest_s
         return super().execute(*args)
 
     def executemany(self, *args: Any) -> sqlite3.Cursor:
         """See `sqlite3.Connection.executemany`."""
-        self._until_s = time.monotonic() + self.longest_s
+        self._until_s = runtime.monotonic() + self.longest_s
         return super().executemany(*args)
 
     def _has_to_stop(self) -> bool:
-        return time.monotonic() > self._until_s or is_over()
+        return runtime.monotonic() > self._until_s or is_over()
 
 
 def read_header(path: Path) -> Header:
@@ -95,13 +96,14 @@ def read_header(path: Path) -> Header:
     return _header(_head(path))
 
 
-def open_tables(path: Path, tables: str, *, writable: bool = True) -> GuardedConnection:
+def open_tables(path: Path, tables: str, *, writable: bool = True, is_cut: bool = False) -> GuardedConnection:
     """Opens an existing database with exactly these tables.
 
     Args:
         path: The file.
         tables: The statements that created its tables; whitespace is ignored.
         writable: False if not even an interrupted transaction may be rolled back.
+        is_cut: True to read what is left of a file that lacks its end, though its header says otherwise.
 
     Returns:
         A connection in autocommit mode, which any thread may use in turn.
@@ -117,9 +119,11 @@ def open_tables(path: Path, tables: str, *, writable: bool = True) -> GuardedCon
         _check_schema_page(_head(path), len(_schema(tables)))
         connection = connect(path, GuardedConnection, writable=writable, timeout=_WAIT_S)
     try:
-        found = _schema_of(connection)
+        if is_cut:  # with this alone, SQLite goes by the length that the file has
+            connection.execute("PRAGMA writable_schema = ON")
+        found = schema_of(connection)
         if found != _schema(tables):
-            other = sorted({name for _, name, _ in found ^ _schema(tables)})
+            other = sorted({str(name) for _, name, _ in found ^ _schema(tables)})
             raise ValueError(f"its schema differs: {', '.join(other)[:200]}")
     except BaseException:
         connection.close()
@@ -176,7 +180,12 @@ def _check_schema_page(head: bytes, entries: int) -> None:
     """Checks that the schema fits on the first page, before SQLite reads all of it into memory."""
     kind, (found,) = head[100], struct.unpack_from(">H", head, 103)
     if kind != _LEAF or found != entries:
-        raise ValueError(f"its schema has {'more than' if kind != _LEAF else found} {entries} entries")
+        has = (
+            f"more than {entries} entries"
+            if kind != _LEAF
+            else f"{count_of(found, 'entry', 'entries')}, not {entries}"
+        )
+        raise ValueError(f"its schema has {has}")
 
 
 Entry = tuple[str, str, str]
@@ -184,13 +193,14 @@ Entry = tuple[str, str, str]
 
 @cache
 def _schema(tables: str) -> frozenset[Entry]:
-    with sqlite3.connect(":memory:") as connection:
+    with runtime.connect(":memory:") as connection:
         connection.executescript(tables)
-        found = _schema_of(connection)
+        found = schema_of(connection)
     connection.close()
     return found
 
 
-def _schema_of(connection: sqlite3.Connection) -> frozenset[Entry]:
+def schema_of(connection: sqlite3.Connection) -> frozenset[Entry]:
+    """Kind, name and statement of each table and index, whatever blanks the statements have."""
     rows = connection.execute("SELECT type, name, sql FROM sqlite_schema").fetchall()
     return frozenset((kind, name, " ".join(str(sql).split())) for kind, name, sql in rows)

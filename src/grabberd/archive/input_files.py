@@ -8,7 +8,7 @@ from typing import Literal, cast
 import numpy as np
 
 from grabberd.bounded_documents import LARGEST_TABLE, read_text
-from grabberd.core.calibration import Mark
+from grabberd.core.calibration.identification.manual_identification import Mark
 from grabberd.core.reconstruction.accuracy import Truth
 from grabberd.errors import InputError
 from grabberd.tables import Cells, TableError, keyed_cells
@@ -79,7 +79,11 @@ def read_identifications(path: Path) -> list[Mark]:
 def _cells(path: Path, columns: Sequence[str], hint: str, optional: Sequence[str] = ()) -> Cells:
     try:
         return keyed_cells(read_text(path, LARGEST_TABLE), columns, optional, hint=hint)
-    except (OSError, ValueError) as error:
+    except OSError as error:
+        raise InputError(
+            f"{path} cannot be read: {error.strerror or error}", "name a file that is there"
+        ) from error
+    except ValueError as error:
         raise InputError(f"{path} cannot be read: {error}", getattr(error, "hint", hint)) from error
 
 

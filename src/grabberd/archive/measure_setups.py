@@ -108,18 +108,12 @@ def misfit(rig: RigConfig, columns: int, lines: int) -> InputError:
 
 def nominal_rig(rig: RigConfig) -> NominalRig:
     """Converts a configured rig to the core's type."""
+    left, right = rig.views.left, rig.views.right
     return NominalRig(
-        columns=rig.columns,
-        lines=rig.lines,
-        left=(rig.views.left.first_column, rig.views.left.end_column),
-        right=(rig.views.right.first_column, rig.views.right.end_column),
-        distance_mm=rig.distance_mm,
-        base_mm=rig.base_mm,
-        convergence_deg=rig.convergence_deg,
-        focal_length_mm=rig.focal_length_mm,
-        pixel_x_mm=rig.pixel_x_mm,
-        pixel_y_mm=rig.pixel_y_mm,
-        handedness=(rig.views.left.handedness, rig.views.right.handedness),
+        left=(left.first_column, left.end_column),
+        right=(right.first_column, right.end_column),
+        handedness=(left.handedness, right.handedness),
+        **rig.model_dump(exclude={"views", "exposure_ms", "glass"}),
     )
 
 

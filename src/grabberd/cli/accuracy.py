@@ -243,11 +243,7 @@ def _length_words(compared: "Compared") -> str:
 
 def document(results: "Sequence[Investigation]") -> dict[str, Any]:
     """JSON document of all results; the first investigation is repeated at the top level."""
-    from grabberd.core.reconstruction.accuracy import (  # noqa: PLC0415
-        PAPER_PRECISION,
-        PAPER_PX,
-        PAPER_RMSE,
-    )
+    from grabberd.core.reconstruction.accuracy import PAPER_PRECISION, PAPER_PX, PAPER_RMSE  # noqa: PLC0415
 
     investigations = [_investigation(result) for result in results]
     paper = {"rmse": PAPER_RMSE._asdict(), "precision": PAPER_PRECISION._asdict(), "pointing_px": PAPER_PX}

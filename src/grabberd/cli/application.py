@@ -2,12 +2,14 @@
 
 from collections.abc import Mapping
 from importlib import import_module
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
+from typer.core import TyperGroup
 
 from grabberd import __version__
 from grabberd.core.kernel import in_use, what_is_slower
+from grabberd.errors import said
 from grabberd.extension import extensions, in_order
 
 # In the order of a rig's life, which is that of the help; typer lists groups of commands after them.
@@ -58,10 +60,23 @@ def is_own(name: str) -> bool:
     return name in COMMANDS or name in GROUPS
 
 
+class _Commands(TyperGroup):
+    """The commands; what is wrong with a value is said without the words of what checks it."""
+
+    def invoke(self, ctx: Any) -> Any:
+        """Run the command that is named."""
+        try:
+            return super().invoke(ctx)
+        except typer.BadParameter as error:
+            error.message = said(error.message)
+            raise
+
+
 def application(*only: str) -> typer.Typer:
     """Make the application, with all of its commands or only those that are named."""
     app = typer.Typer(
         name="grabberd",
+        cls=_Commands,
         help="A 50 Hz three-dimensional measuring instrument from a frame grabber and a camera behind "
         "mirrors.",
         epilog="First steps: 'grabberd serve' starts the daemon on a simulated grabber, for the browser at "

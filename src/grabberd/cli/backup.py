@@ -8,6 +8,7 @@ import typer
 
 from grabberd import __version__
 from grabberd.cli.options import ConfigOption, JsonOption, load, out_file, print_result
+from grabberd.errors import count_of
 
 
 def backup(
@@ -25,7 +26,7 @@ def backup(
     from grabberd.clock import iso_utc  # noqa: PLC0415
 
     info = back_up(load(config).state_directory, out, iso_utc(datetime.now(UTC)), __version__)
-    words = f"{out}: state and {info.calibrations} calibrations"
+    words = f"{out}: state and {count_of(info.calibrations, 'calibration')}"
     print_result({"file": str(out), **info._asdict()}, words, as_json=json)
 
 
@@ -44,7 +45,7 @@ def restore(
 
     now = f"{datetime.now(UTC):%Y%m%dT%H%M%S%fZ}"
     info, replaced = put_back(load(config).state_directory, file, now)
-    words = f"restored state and {info.calibrations} calibrations of {info.created_utc}"
+    words = f"restored state and {count_of(info.calibrations, 'calibration')} of {info.created_utc}"
     if replaced:
         words += f"\nthe previous state is kept in {replaced}"
     document = {**info._asdict(), "replaced": str(replaced) if replaced else None}

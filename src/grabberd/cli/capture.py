@@ -28,6 +28,7 @@ from grabberd.cli.options import (
     print_result,
     warn,
 )
+from grabberd.errors import said
 
 OutOption = Annotated[Path, out_file("the capture, NAME.grab")]
 DeviceOption = Annotated[
@@ -144,7 +145,9 @@ def validated(request: dict[str, Any]) -> dict[str, Any]:
     try:
         return NewCapture.model_validate(request).model_dump(exclude_none=True)
     except ValidationError as error:
-        faults = (f"{'.'.join(map(str, one['loc'])) or 'capture'}: {one['msg']}" for one in error.errors())
+        faults = (
+            f"{'.'.join(map(str, one['loc'])) or 'capture'}: {said(one['msg'])}" for one in error.errors()
+        )
         raise typer.BadParameter("; ".join(faults)) from None
 
 

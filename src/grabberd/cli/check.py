@@ -70,7 +70,7 @@ def _frame(path: Path | None) -> dict[str, Any] | None:
 def _of_file(
     capture: Path, calibration: Path | None, frame: dict[str, Any] | None, *, in_place: bool
 ) -> dict[str, Any]:
-    from grabberd.archive.calibrations.calibration_frames import calibration_frame_document  # noqa: PLC0415
+    from grabberd.archive.calibrations.calibration_catalog import calibration_frame_document  # noqa: PLC0415
     from grabberd.files.documents import read_documents  # noqa: PLC0415
     from grabberd.library.jobs.calibration_frame import check_file  # noqa: PLC0415
 

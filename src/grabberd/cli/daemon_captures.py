@@ -2,7 +2,6 @@
 
 import time
 from pathlib import Path
-from typing import Any
 
 import typer
 from rich.progress import Progress, SpinnerColumn, TimeElapsedColumn
@@ -11,11 +10,11 @@ from grabberd.archive.capture.reader import CaptureReader
 from grabberd.cli.options import check_absent, end_as_ctrl_c_does, group_file, warn
 from grabberd.cli.terminal import progress_console
 from grabberd.client.daemon import CAPTURES, POLL_S, UNENDED, Daemon
-from grabberd.errors import CaptureFileError, Conflict
+from grabberd.errors import CaptureFileError, Conflict, count_of
+from grabberd.files.documents import JsonObject
 
 GROUPS = "/api/v1/capture-groups"
 
-JsonObject = dict[str, Any]
 """The daemon's document of a capture or of a group of captures, or the body of a request for one."""
 
 
@@ -128,7 +127,8 @@ def _followed(daemon: Daemon, address: str, document: JsonObject) -> JsonObject:
         task = progress.add_task("", total=None)
         while _is_going_on(document):
             states = (
-                f"{one['device']}: {one['state']}, {one['fields']} fields" for one in _captures(document)
+                f"{one['device']}: {one['state']}, {count_of(one['fields'], 'field')}"
+                for one in _captures(document)
             )
             progress.update(task, description=", ".join(states))
             time.sleep(POLL_S)

@@ -19,7 +19,7 @@ from grabberd.errors import DeviceRefused, StreamEnded, StreamFailed
 
 if TYPE_CHECKING:
     from grabberd.config import Config, DeviceConfig
-    from grabberd.core.chain.picture_differences import FieldOrderFinding
+    from grabberd.core.chain.field_order import FieldOrderFinding
     from grabberd.core.field import Field
     from grabberd.core.reconstruction.field_order import Order
     from grabberd.instrument.acquisition import Grabber, StreamInfo

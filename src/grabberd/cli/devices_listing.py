@@ -18,7 +18,7 @@ from grabberd.cli.options import print_json
 from grabberd.cli.terminal import console
 from grabberd.config import Config, DeviceConfig, LoggerConfig
 from grabberd.instrument.acquisition import GRABBERS, LOGGERS, discover
-from grabberd.instrument.acquisition.discovery import LOGGER_SEARCH, FoundDevice, Verdict
+from grabberd.instrument.acquisition.device import LOGGER_SEARCH, FoundDevice, Verdict
 
 Configured = Mapping[str, DeviceConfig | LoggerConfig]
 

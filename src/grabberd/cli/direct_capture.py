@@ -16,8 +16,8 @@ from grabberd.cli.terminal import progress_console
 from grabberd.clock import SystemClock
 from grabberd.config import Config, default_config_file
 from grabberd.documents.enums import DeviceState
+from grabberd.documents.requests import NewCapture
 from grabberd.errors import DeviceAbsent
-from grabberd.instrument.capture.capture_request import CaptureRequest
 from grabberd.instrument.capture.recording import Recording
 from grabberd.instrument.channels.logger_setup import set_up_loggers
 from grabberd.instrument.channels.loggers import Loggers
@@ -25,7 +25,10 @@ from grabberd.instrument.instrument import Instrument
 from grabberd.instrument.setup import set_up
 
 POLL_S = 0.05
-OPEN_TIMEOUT_S = 10.0
+OPEN_TIMEOUT_S, STILL_OPENING_S = 10.0, 50.0
+"""How long a device may take to deliver, and how much longer one that is not even open: a busy computer takes
+that long to load a driver.
+"""
 CLOCK_SIGMA_NS, CLOCK_TIMEOUT_S = 1_000_000, 6.0
 """σ to which a logger's clock has to be known before the first field, and how long that may take.
 
@@ -78,7 +81,7 @@ def capture_directly(
         warn(instrument.board.now.warnings)
         if config.loggers:
             _wait_for_clocks(loggers)
-        request = _request(options, instrument.pipeline.rate_hz)
+        request = NewCapture.model_validate(options).of_rate(instrument.pipeline.rate_hz)
         # In a hidden folder beside the output until it is sealed; the next run names what a crash left there.
         with recording_folder(out.parent) as folder:
             recording = instrument.start_capture(out.stem, request, folder / f"{out.name}.part")
@@ -94,11 +97,18 @@ def capture_directly(
 def _wait_until_it_accepts(instrument: Instrument) -> None:
     board = instrument.board
     hopeless = (DeviceState.FAILED, DeviceState.ENDED)
+
+    def decided() -> bool:
+        return instrument.captures.accepts or board.state in hopeless
+
     with board.changed:
-        board.changed.wait_for(lambda: instrument.captures.accepts or board.state in hopeless, OPEN_TIMEOUT_S)
+        is_decided = board.changed.wait_for(decided, OPEN_TIMEOUT_S)
+        if not is_decided and board.state is DeviceState.OPENING and not board.now.openings:
+            board.changed.wait_for(decided, STILL_OPENING_S)
     if not instrument.captures.accepts:
+        cause = board.now.cause or "it has not delivered a field"
         raise DeviceAbsent(
-            f"device {instrument.name} is {board.now.state}: {board.now.cause}",
+            f"device {instrument.name} is {board.now.state}: {cause}",
             board.now.hint
             or "check the grabber and the configuration; 'grabberd devices' lists all grabbers",
         )
@@ -118,15 +128,6 @@ def _wait_for_clocks(loggers: Loggers) -> None:
         f"{CLOCK_SIGMA_NS / 1e6:g} ms; the analysis takes that into account"
         for name in loggers.unsettled(CLOCK_SIGMA_NS)
     )
-
-
-def _request(options: dict[str, Any], rate_hz: float) -> CaptureRequest:
-    values = dict(options)
-    values.pop("armed", None)  # without a daemon a capture always starts at once
-    duration_s = values.pop("duration_s", None)
-    if duration_s is not None:
-        values["fields"] = max(1, round(duration_s * rate_hz))
-    return CaptureRequest(**values)
 
 
 def _follow(recording: Recording, wanted: int | None) -> None:

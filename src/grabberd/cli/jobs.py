@@ -93,16 +93,9 @@ def cancel(
 
 
 def _jobs(url: str, token_file: Any, *, everything: bool) -> list[dict[str, Any]]:
-    daemon = _daemon(url, token_file)
-    jobs: list[dict[str, Any]] = []
-    cursor = ""
-    while True:
-        page = daemon.ask(f"{JOBS}?limit=500{cursor}")
-        jobs += [one for one in page["jobs"] if everything or one["state"] in GOING_ON]
-        if not page["next"]:
-            # Those that have ended are looked for from the newest on, those that wait by their turn.
-            return jobs if everything else jobs[::-1]
-        cursor = f"&cursor={page['next']}"
+    jobs = list(_daemon(url, token_file).rows(JOBS, "jobs"))
+    # Those that have ended are looked for from the newest on, those that wait by their turn.
+    return jobs if everything else [one for one in reversed(jobs) if one["state"] in GOING_ON]
 
 
 def _daemon(url: str, token_file: Any) -> Any:

@@ -21,7 +21,7 @@ from grabberd.cli.options import (
 from grabberd.cli.terminal import console, progress_bar
 
 if TYPE_CHECKING:
-    from grabberd.documents.coverage import CoverageDocument, TargetCoverage
+    from grabberd.documents.captures import CoverageDocument, TargetCoverage
 
 
 ProposeOption = Annotated[

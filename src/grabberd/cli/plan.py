@@ -11,7 +11,7 @@ from grabberd.cli.options import ConfigOption, JsonOption, load, print_json
 from grabberd.cli.terminal import console
 
 if TYPE_CHECKING:
-    from grabberd.config import DeviceConfig, RigConfig
+    from grabberd.config import DeviceConfig
     from grabberd.core.chain.plan import Lines, Plan, PlannedPlace, PlanSettings
     from grabberd.core.geometry import NominalRig, Rig
     from grabberd.core.reconstruction import ObjectModel
@@ -60,6 +60,7 @@ def plan(  # noqa: PLR0913, PLR0917 - options of a command
 
     Example: grabberd plan --config configs/fake.yaml --bits 8
     """
+    from grabberd.archive.measure_setups import nominal_rig  # noqa: PLC0415
     from grabberd.config import default_config_file, only_device, shipped_configs  # noqa: PLC0415
     from grabberd.core.chain import plan as planning  # noqa: PLC0415
     from grabberd.core.geometry import Rig  # noqa: PLC0415
@@ -73,7 +74,7 @@ def plan(  # noqa: PLR0913, PLR0917 - options of a command
     assert frame is not None
     settings = _settings(chosen, model or frame, bits, lines, noise, sigma_px)
     low, high = ((model or frame).xyz_mm.min(axis=0), (model or frame).xyz_mm.max(axis=0))
-    nominal = _nominal(chosen.rig)
+    nominal = nominal_rig(chosen.rig)
 
     def rig_of(one: "NominalRig", wanted: "PlanSettings") -> Rig:
         return Rig.of(planning.nominal_calibration(one, frame, wanted))
@@ -102,15 +103,6 @@ def _calibrated(file: Path) -> "Rig":
     from grabberd.files.documents import read_documents  # noqa: PLC0415
 
     return Rig.of(Calibration.from_document(read_documents(file, None)["calibration"]))
-
-
-def _nominal(rig: "RigConfig") -> "NominalRig":
-    from grabberd.core.geometry import NominalRig  # noqa: PLC0415
-
-    left, right = ((view.first_column, view.end_column) for view in (rig.views.left, rig.views.right))
-    same = ("columns", "lines", "distance_mm", "base_mm", "convergence_deg", "focal_length_mm")
-    pixel = {name: getattr(rig, name) for name in (*same, "pixel_x_mm", "pixel_y_mm")}
-    return NominalRig(left=left, right=right, **pixel)
 
 
 def _settings(

@@ -36,15 +36,19 @@ def serve(
     from grabberd.instrument.channels.logger_setup import set_up_loggers  # noqa: PLC0415
     from grabberd.instrument.setup import set_up  # noqa: PLC0415
     from grabberd.memory import freeze_loaded, keep_freed_memory  # noqa: PLC0415
-    from grabberd.server.api import create_app, serving, sockets  # noqa: PLC0415
-    from grabberd.server.api.guard.front import Front  # noqa: PLC0415
-    from grabberd.server.daemon.descriptors import affordable_connections, raise_limit  # noqa: PLC0415
-    from grabberd.server.daemon.journal import set_up_logging  # noqa: PLC0415
-    from grabberd.server.daemon.service import Service  # noqa: PLC0415
-    from grabberd.server.daemon.systemd import (  # noqa: PLC0415
-        Heartbeat,
-        Notifier,
+    from grabberd.server.api import create_app, serving  # noqa: PLC0415
+    from grabberd.server.api.guard.front import (  # noqa: PLC0415
+        Front,
+        bind,
+        check_private,
+        inherited,
+        is_private,
+        to_open,
     )
+    from grabberd.server.daemon.descriptors import affordable_connections, raise_limit  # noqa: PLC0415
+    from grabberd.server.daemon.diagnostics import set_up_logging  # noqa: PLC0415
+    from grabberd.server.daemon.service import Service  # noqa: PLC0415
+    from grabberd.server.daemon.systemd import Heartbeat, Notifier  # noqa: PLC0415
 
     notifier = Notifier.from_environment(os.environ)
     sys.setswitchinterval(SWITCH_INTERVAL_S)
@@ -59,13 +63,11 @@ def serve(
     service = Service.from_config(settings, set_up(settings, file), set_up_loggers(settings, file), file)
     freeze_loaded()  # before fields come
     # Bound before any device starts: an address in use ends the command at once.
-    listening = sockets.inherited(os.environ) or sockets.bind(
-        host or http.host, http.port if port is None else port
-    )
+    listening = inherited(os.environ) or bind(host or http.host, http.port if port is None else port)
     try:
         # Without tokens only this computer is served, and only the open database tells if there are any.
         service.open()
-        sockets.check_private(listening, service.access.needs_token(), file)
+        check_private(listening, service.access.needs_token(), file)
         service.start()  # before the server, so that a failure to start is reported in plain words
     except StorageError as error:
         if error.__cause__ is None:  # not a fault of the disk: another program still holds the folder
@@ -74,12 +76,10 @@ def serve(
         raise typer.Exit(EX_IOERR) from error
     most = affordable_connections(http.limits.connections, descriptors)
     limits = http.limits.model_copy(update={"connections": most})
-    front = Front.from_config(
-        http.model_copy(update={"limits": limits}), all(map(sockets.is_private, listening))
-    )
+    front = Front.from_config(http.model_copy(update={"limits": limits}), all(map(is_private, listening)))
     heartbeat = Heartbeat(notifier, service.liveness)
     server = serving.server_of(create_app(service, front), front, context, heartbeat)
-    address = sockets.to_open(listening, "https" if context else "http", http.hosts)
+    address = to_open(listening, "https" if context else "http", http.hosts)
     if for_person and address:
         captures = (settings.storage.directory or settings.state_directory) / "captures"
         server.greeting = first_words(address, file, config is None, captures)

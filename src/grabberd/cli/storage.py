@@ -9,6 +9,7 @@ from rich.table import Table
 
 from grabberd.cli.options import ConfigOption, JsonOption, load, print_json, print_result
 from grabberd.cli.terminal import console, progress_bar
+from grabberd.errors import count_of
 
 CapturesArgument = Annotated[
     list[Path] | None,
@@ -42,7 +43,7 @@ def index(config: ConfigOption = None, json: JsonOption = False) -> None:
         print_json([entry._asdict() for entry in entries])
         return
     damaged = [entry for entry in entries if entry.state == "damaged"]
-    typer.echo(f"{archive.index.path}: {len(entries)} captures, {len(damaged)} damaged")
+    typer.echo(f"{archive.index.path}: {count_of(len(entries), 'capture')}, {len(damaged)} damaged")
     for entry in damaged:
         typer.echo(f"damaged: {archive.directory / entry.file}")
 
@@ -70,8 +71,8 @@ def verify(
         documents.append({"file": str(path), **found._asdict()})
         if json:
             continue
-        words = f": {found.fields} sound fields and the points of {found.points}"
-        words += f", {found.readings} readings of channels" if found.readings else ""
+        words = f": {count_of(found.fields, 'sound field')} and the points of {found.points}"
+        words += f", {count_of(found.readings, 'reading')} of channels" if found.readings else ""
         proven = "" if found.has_digests else "; of an earlier version, without digests"
         readable = found.has_digests or found.fields > 0 or not found.damages
         verdict = "damaged" if found.damages else "sound"
@@ -81,7 +82,7 @@ def verify(
     if json:
         print_json(documents)
     elif len(captures) != 1:
-        typer.echo(f"{len(captures)} captures, {damaged} damaged")
+        typer.echo(f"{count_of(len(captures), 'capture')}, {damaged} damaged")
     if damaged:
         raise typer.Exit(DAMAGED_EXIT)
 
@@ -144,8 +145,7 @@ def retention(config: ConfigOption = None, json: JsonOption = False) -> None:
 
     Example: grabberd storage retention --config /etc/grabberd/grabberd.yaml
     """
-    from grabberd.archive.catalogue.disk_guard import GB, free_bytes  # noqa: PLC0415
-    from grabberd.archive.catalogue.retention import Policy, candidates, removals  # noqa: PLC0415
+    from grabberd.archive.catalogue.disk_guard import GB, Policy, candidates, free_bytes, removals  # noqa: PLC0415
     from grabberd.archive.state.index_entries import entry_of  # noqa: PLC0415
     from grabberd.archive.state.state_database import AnnotationStore  # noqa: PLC0415
     from grabberd.files.disk import storage_errors  # noqa: PLC0415
@@ -180,7 +180,7 @@ def accept(config: ConfigOption = None, json: JsonOption = False) -> None:
 
     Example: grabberd storage accept --config /etc/grabberd/grabberd.yaml
     """
-    from grabberd.archive.state.state_backups import STATE, accept_state  # noqa: PLC0415
+    from grabberd.archive.state.state_keeper import STATE, accept_state  # noqa: PLC0415
 
     directory = load(config).state_directory
     accepted = accept_state(directory / STATE, directory / "captures")
@@ -205,4 +205,6 @@ def seal(
     capture = describe(path)
     # A pin belongs to the daemon's state, not to the file.
     document = {"file": str(path), **capture.model_dump(mode="json", exclude={"pinned"})}
-    print_result(document, f"{path}: {capture.fields} fields, {capture.ledger.in_words}", as_json=json)
+    print_result(
+        document, f"{path}: {count_of(capture.fields, 'field')}, {capture.ledger.in_words}", as_json=json
+    )

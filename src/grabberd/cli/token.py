@@ -93,7 +93,7 @@ def _minute(moment_utc: str) -> str:
 
 def _access(config: Path | None) -> "Access":
     from grabberd.archive.access import Access  # noqa: PLC0415
-    from grabberd.archive.state.state_backups import StateBackups  # noqa: PLC0415
+    from grabberd.archive.state.state_keeper import StateBackups  # noqa: PLC0415
 
     directory = load(config).state_directory
     StateBackups(directory).check()

@@ -13,12 +13,16 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, NamedTuple
+from urllib.parse import urlencode
 
 from grabberd.errors import GrabberdError, InputError, NotReady
 from grabberd.files.disk import scratch_folder, storage_errors
 
 TIMEOUT_S = 15.0
 _PART_BYTES = 1 << 16
+LARGEST_ANSWER, LARGEST_REFUSAL = 128 << 20, 1 << 20
+"""Bytes of a document that is taken, twice what a daemon has room for, and of a refusal."""
+LONGEST_PAGE = 500
 CAPTURES = "/api/v1/captures"
 UNENDED = ("armed", "recording", "sealing")
 """States of a capture that is still to end."""
@@ -52,7 +56,40 @@ class Daemon(NamedTuple):
         """Send one request and return the daemon's answer."""
         data = None if body is None else json.dumps(body).encode()
         with self._open(path, method, data, timeout_s) as answer:
-            return json.load(answer)
+            content = answer.read(LARGEST_ANSWER + 1)
+        if len(content) > LARGEST_ANSWER:
+            asked = self.url + path.partition("?")[0]
+            raise GrabberdError(
+                f"the answer to {asked} has more than {LARGEST_ANSWER >> 20} MB",
+                "check that the address is that of a grabberd daemon, or ask for less at once",
+            )
+        return json.loads(content)
+
+    def rows(
+        self,
+        path: str,
+        name: str,
+        *query: tuple[str, str],
+        page: int | None = None,
+        timeout_s: float = TIMEOUT_S,
+    ) -> Iterator[Any]:
+        """The rows of a list, asked for page by page.
+
+        Args:
+            path: What to ask for.
+            name: Key of the rows in each page.
+            *query: Keys and values of the query.
+            page: Maximum number of rows of a page; default: the longest that the API gives.
+            timeout_s: Time for a page.
+        """
+        following: list[tuple[str, str]] = []
+        while True:
+            asked = urlencode([("limit", str(page or LONGEST_PAGE)), *query, *following])
+            found = self.ask(f"{path}?{asked}", timeout_s=timeout_s)
+            yield from found[name]
+            if not found.get("next"):
+                return
+            following = [("cursor", found["next"])]
 
     def download(self, path: str, out: Path, check: Callable[[Path], None] | None = None) -> None:
         """Save the daemon's answer to a file, which has its name only once it is whole.
@@ -88,7 +125,7 @@ class Daemon(NamedTuple):
             with _opener.open(request, timeout=timeout_s) as answer:
                 yield answer
         except urllib.error.HTTPError as error:
-            raise refusal_of(error.read(), f"{error.code} {error.reason}") from None
+            raise refusal_of(error.read(LARGEST_REFUSAL), f"{error.code} {error.reason}") from None
         except (OSError, ValueError) as error:
             raise NotReady(f"no daemon answers at {self.url}: {error}", "start one: grabberd serve") from None
 

@@ -10,8 +10,7 @@ from websockets.exceptions import ConnectionClosed, InvalidStatus, WebSocketExce
 from websockets.sync.client import ClientConnection, connect
 
 from grabberd.client.daemon import TIMEOUT_S, Daemon, refusal_of
-from grabberd.documents.points import PointsDescription
-from grabberd.documents.points_frame import PROTOCOL, PointsFrame, decoded
+from grabberd.documents.points_frame import PROTOCOL, PointsDescription, PointsFrame, decoded
 from grabberd.errors import GrabberdError, InputError, NotReady
 
 PATH = "/api/v1/points/stream"

@@ -1,10 +1,14 @@
 """Configuration sections of one grabber: its rig, its ring, and how its fields are processed."""
 
+import math
+from itertools import combinations
 from typing import Annotated, Any, Literal, Self
 
 from pydantic import Field, model_validator
 
 from grabberd.config.section import ExistingFile, Section
+from grabberd.core.field import LARGEST_SIDE_PX
+from grabberd.core.measurement.marks import CLEAR_PX, LEAST_PLACES, MOST_MARKS
 
 BitDepth = Literal[1, 2, 3, 4, 5, 6, 8]
 Lines = Literal["doubled", "field"]
@@ -134,7 +138,7 @@ class LocationConfig(Section):
         None, gt=0, le=100, description="diameter of the targets; default: estimated from the picture"
     )
     line_shifts: bool | None = Field(
-        None, description="solve for the shift of each line; default: where it improves accuracy"
+        None, description="false: leave the shifts of lines alone; else they are estimated and taken away"
     )
 
 
@@ -179,6 +183,13 @@ class AnalysisConfig(Section):
     )
 
 
+class MarkConfig(Section):
+    """A mark's place in the picture, to within four pixels; calibrating learns it exactly."""
+
+    x_px: float = Field(ge=0, lt=LARGEST_SIDE_PX, description="column of its centre")
+    y_px: float = Field(ge=0, lt=LARGEST_SIDE_PX, description="frame line of its centre")
+
+
 class DeviceConfig(Section):
     """One grabber, the rig in front of it, and how its fields are processed."""
 
@@ -195,13 +206,68 @@ class DeviceConfig(Section):
     targets: TargetsConfig = TargetsConfig()
     capture: CaptureConfig = CaptureConfig()
     analysis: AnalysisConfig = AnalysisConfig()
+    marks: list[MarkConfig] = Field(
+        default_factory=list,
+        max_length=MOST_MARKS,
+        description="discs glued to the cup, which hold the calibration: in opposite corners of each view, "
+        "better in all four",
+    )
     line_jitter_px: float = Field(0.12, ge=0, le=2, description="σ of the line jitter, in frame pixels")
     spread_px: float = Field(
         0.8, gt=0, le=5, description="σ of the spread function of lens and camera, in frame pixels"
     )
 
     @model_validator(mode="after")
+    def _marks_can_be_located(self) -> Self:
+        problems = [*_crowded(self.marks), *_at_the_edge(self.marks, self.rig), *_alone(self.marks, self.rig)]
+        if problems:
+            raise ValueError("; ".join(problems))
+        return self
+
+    @model_validator(mode="after")
     def _map_belongs_to_one_bit(self) -> Self:
         if self.threshold.map and self.ring.bits != 1:
             raise ValueError(f"threshold.map needs ring.bits: 1, not {self.ring.bits}")
         return self
+
+
+def _crowded(marks: list[MarkConfig]) -> list[str]:
+    """Marks that are named twice, or whose windows show a neighbour."""
+    return [
+        f"marks {first} and {second} are {apart_px:.3g} px apart, at least {CLEAR_PX:g} px are needed: "
+        "name each disc once in each view"
+        for (first, one), (second, other) in combinations(enumerate(marks, 1), 2)
+        if (apart_px := math.hypot(one.x_px - other.x_px, one.y_px - other.y_px)) < CLEAR_PX
+    ]
+
+
+def _at_the_edge(marks: list[MarkConfig], rig: RigConfig) -> list[str]:
+    """Marks that are cut by the edge of their view once they move, or lie in none."""
+    return [
+        f"mark {number} at column {one.x_px:g}, line {one.y_px:g} lies less than {CLEAR_PX:g} px inside a "
+        "view: glue it further in, or leave it out"
+        for number, one in enumerate(marks, 1)
+        if not any(_holds(view, rig.lines, one, CLEAR_PX) for view in _views(rig).values())
+    ]
+
+
+def _alone(marks: list[MarkConfig], rig: RigConfig) -> list[str]:
+    """Views with fewer marks than show a movement."""
+    counts = {
+        name: sum(_holds(view, rig.lines, one, 0.0) for one in marks) for name, view in _views(rig).items()
+    }
+    return [
+        f"the {name} view has a single mark, which does not tell a shift from a turn: add one in the "
+        "opposite corner, or leave it out"
+        for name, count in counts.items()
+        if 0 < count < LEAST_PLACES
+    ]
+
+
+def _views(rig: RigConfig) -> dict[str, ViewColumns]:
+    return {"left": rig.views.left, "right": rig.views.right}
+
+
+def _holds(view: ViewColumns, lines: int, mark: MarkConfig, inside_px: float) -> bool:
+    across = view.first_column + inside_px <= mark.x_px <= view.end_column - 1 - inside_px
+    return across and inside_px <= mark.y_px <= lines - 1 - inside_px

@@ -122,16 +122,10 @@ def _quantity(name: str, config: ChannelConfig) -> Quantity:
 
 
 def _channel(name: str, config: ChannelConfig) -> Channel:
-    return Channel(
-        name=name,
-        quantity=_quantity(name, config),
-        column=config.column,
-        sigma_kpa=config.sigma_kpa or 0.0,
-        unit=config.unit,
-        gain=config.gain,
-        offset_kpa=config.offset_kpa,
-        calibrated=None if config.calibrated is None else config.calibrated.isoformat(),
-        reference=config.reference,
-        atmosphere_kpa=config.atmosphere_kpa,
-        devices=config.devices,
-    )
+    own = {
+        "name": name,
+        "quantity": _quantity(name, config),
+        "sigma_kpa": config.sigma_kpa or 0.0,
+        "calibrated": config.calibrated and config.calibrated.isoformat(),
+    }
+    return Channel(**{**dict(config), **own})

@@ -14,7 +14,7 @@ from pydantic_core import ErrorDetails
 
 from grabberd.bounded_documents import parse_yaml, read_text
 from grabberd.config.daemon import Config
-from grabberd.errors import WHOLE_FILE, ConfigError, Problem
+from grabberd.errors import WHOLE_FILE, ConfigError, Problem, said
 
 _LEAST = "such as 'devices: {barn: {driver: fake}}'; configs/fake.yaml is an example"
 
@@ -97,7 +97,7 @@ def _explain(details: ErrorDetails) -> str:
         return "this key is missing"
     if key == "[key]" and details["type"] == "string_pattern_mismatch":
         return f"{details['input']!r} is no name: small letters, digits, '-' and '_', at most 32 characters"
-    message = details["msg"].removeprefix("Value error, ")
+    message = said(details["msg"])
     if isinstance(details["input"], Mapping | list) or repr(details["input"]) in message:
         return message
     return f"{message}, not {details['input']!r}{_unit_advice(key)}"

@@ -7,7 +7,8 @@ progressive picture is a field with all its lines. The compiled kernel packs in 
 has one, else numpy, by `double_lines` and `quantise`, which the kernel equals bit for bit.
 """
 
-from dataclasses import dataclass, replace
+from copy import copy
+from dataclasses import dataclass, field, replace
 from enum import StrEnum
 from typing import NamedTuple
 
@@ -182,6 +183,8 @@ class PackedField:
         y_step: Frame lines from row to row.
         threshold: Grey value in force: at 1 bit a pixel is set if its luma exceeds it; with more bits it is
             the level that separates targets from background.
+        marks: (K, 3) float32, places of the marks in its grey values before they were quantised, see
+            `core.measurement.marks`; None if none were looked for.
     """
 
     data: NDArray[np.uint8]
@@ -191,6 +194,13 @@ class PackedField:
     y0: int
     y_step: int
     threshold: int
+    marks: NDArray[np.float32] | None = field(default=None, init=False, repr=False)
+
+    def with_marks(self, marks: NDArray[np.float32] | None) -> "PackedField":
+        """The same field, of the same memory, with the marks located in its grey values."""
+        marked = copy(self)
+        object.__setattr__(marked, "marks", marks)
+        return marked
 
     @property
     def rows(self) -> int:

@@ -5,13 +5,15 @@ A `Ledger` accounts for all fields of a capture, a `Rebase` is a change of what 
 """
 
 import re
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from enum import StrEnum
 from typing import NamedTuple
 
 from grabberd.core.field import NumberedField
+from grabberd.errors import count_of
 
+_NUMBERS_UNSURE = re.compile(r"numbers from here on may be up to (\d+) too high or too low")
 _NUMBERS_OFF = re.compile(r"numbers from here on are (\d+) too (high|low)")
 
 
@@ -56,6 +58,18 @@ def numbers_off(n: int, too_high_by: int) -> LedgerEvent:
         "high: as many fields entered as lost were not" if too_high_by > 0 else "low: as many more were lost"
     )
     return LedgerEvent(n, Rebase.NUMBERS, f"the numbers from here on are {abs(too_high_by)} too {what}")
+
+
+def numbers_unsure(n: int, by_up_to: int) -> LedgerEvent:
+    """The event that numbers from a field on may be off by so many: a gap's length in fields is not known."""
+    reason = f"the numbers from here on may be up to {by_up_to} too high or too low"
+    return LedgerEvent(n, Rebase.NUMBERS, f"{reason}: the camera's rate is not known well enough for the gap")
+
+
+def unsure_by(event: LedgerEvent) -> int:
+    """Number of fields that an event of `numbers_unsure` tells; 0 for any other."""
+    found = _NUMBERS_UNSURE.search(event.reason)
+    return 0 if found is None else int(found[1])
 
 
 def too_high_by(event: LedgerEvent) -> int:
@@ -105,6 +119,9 @@ UNCERTAIN = "number uncertain by up to"
 UNACCOUNTED = "not accounted for"
 """Reason for fields between two entries for which none was given."""
 
+FILE_DAMAGED = "lost with a part of the file"
+"""Reason for fields and readings that had been recorded, in a file that lacks a part."""
+
 
 def never_came(first_n: int, count: int, reason: str) -> LedgerEntry:
     """Make an entry for fields that never came: lost, unless no camera was connected."""
@@ -133,6 +150,8 @@ class Ledger:
         received: Number of fields received intact.
         entries: All other fields, in order; neighbours with the same outcome and reason are merged.
         events: Changes of what numbers and times go by, in order.
+        most: Number of entries that are kept, and the last one beside them; None: all.
+        unlisted: Number of entries that are not kept.
     """
 
     first_n: int | None = None
@@ -140,6 +159,9 @@ class Ledger:
     entries: list[LedgerEntry] = field(default_factory=list)
     events: list[LedgerEvent] = field(default_factory=list)
     _end_n: int | None = None
+    most: int | None = None
+    unlisted: int = 0
+    _unlisted_fields: dict[Outcome, int] = field(default_factory=lambda: dict.fromkeys(Outcome, 0))
 
     @property
     def end_n(self) -> int | None:
@@ -151,14 +173,14 @@ class Ledger:
         """Number of fields that should have come."""
         return 0 if self.first_n is None or self._end_n is None else self._end_n - self.first_n
 
-    def receive(self, n: int) -> None:
-        """Enter field `n` as received.
+    def receive(self, n: int, count: int = 1) -> None:
+        """Enter consecutive fields from `n` on as received.
 
         Raises:
-            ValueError: The field is in the ledger already.
+            ValueError: One of them is in the ledger already.
         """
-        self._advance(n, 1)
-        self.received += 1
+        self._advance(n, count)
+        self.received += count
 
     def add(self, entry: LedgerEntry) -> None:
         """Enter fields with an outcome other than `received`.
@@ -195,8 +217,7 @@ class Ledger:
 
     def counts(self) -> dict[Outcome, int]:
         """Number of fields by outcome, including outcomes that did not occur."""
-        counts = dict.fromkeys(Outcome, 0)
-        counts[Outcome.RECEIVED] = self.received
+        counts = {**self._unlisted_fields, Outcome.RECEIVED: self.received}
         for entry in self.entries:
             counts[entry.outcome] += entry.count
         return counts
@@ -204,20 +225,50 @@ class Ledger:
     @property
     def complete(self) -> bool:
         """True if at least one field came and every field was received intact."""
-        return self.received > 0 and not self.entries
+        return self.received > 0 and not (self.entries or self.unlisted)
 
     def in_words(self, rate_hz: float) -> str:
         """Describe the losses, e.g. "3 fields lost at 12.40 s (time gap)", and after them the events; seconds
         count from the first field.
         """
         words = [self._entry_in_words(entry, rate_hz) for entry in self.entries[:_LISTED]]
-        if rest := sum(entry.count for entry in self.entries[_LISTED:]):
-            words.append(f"and {_fields(rest)} more")
+        rest = sum(entry.count for entry in self.entries[_LISTED:]) + sum(self._unlisted_fields.values())
+        if rest:
+            words.append(f"and {count_of(rest, 'field')} more")
         words = words or ["complete" if self.complete else "no fields"]
         events = [f"{event.reason} at {self._seconds(event.n, rate_hz)}" for event in self.events[:_LISTED]]
         if others := len(self.events[_LISTED:]):
             events.append(f"and {others} more {'change' if others == 1 else 'changes'}")
         return "; ".join(words + events)
+
+    @classmethod
+    def counted(
+        cls,
+        first_n: int,
+        end_n: int,
+        received: int,
+        others: Mapping[Outcome, int],
+        entries: list[LedgerEntry],
+        unlisted: int,
+        events: Sequence[LedgerEvent],
+    ) -> "Ledger":
+        """An account whose fields were counted elsewhere.
+
+        Args:
+            first_n: First number.
+            end_n: The number after the last.
+            received: Number of fields received intact.
+            others: Numbers of all other fields by outcome.
+            entries: The first entries.
+            unlisted: Number of further entries.
+            events: Changes of what numbers and times go by.
+        """
+        ledger = cls(first_n, received, entries, list(events), end_n, len(entries), unlisted)
+        further = {**ledger._unlisted_fields, **others}
+        for entry in entries:
+            further[entry.outcome] -= entry.count
+        ledger._unlisted_fields = further
+        return ledger
 
     @classmethod
     def restore(
@@ -263,19 +314,19 @@ class Ledger:
         last = self.entries[-1] if self.entries else None
         if last and last.end_n == entry.first_n and last[2:] == entry[2:]:
             self.entries[-1] = last._replace(count=last.count + entry.count)
-        else:
-            self.entries.append(entry)
+            return
+        if last and self.most is not None and len(self.entries) > self.most:
+            self.entries.pop()
+            self.unlisted += 1
+            self._unlisted_fields[last.outcome] += last.count
+        self.entries.append(entry)
 
     def _entry_in_words(self, entry: LedgerEntry, rate_hz: float) -> str:
         at = self._seconds(entry.first_n, rate_hz)
-        return f"{_fields(entry.count)} {_WORDS[entry.outcome]} at {at} ({entry.reason})"
+        return f"{count_of(entry.count, 'field')} {_WORDS[entry.outcome]} at {at} ({entry.reason})"
 
     def _seconds(self, n: int, rate_hz: float) -> str:
         return f"{(n - (self.first_n or 0)) / rate_hz:.2f} s"
-
-
-def _fields(count: int) -> str:
-    return "1 field" if count == 1 else f"{count} fields"
 
 
 class Slot(NamedTuple):
@@ -330,6 +381,7 @@ _BY_REASON = (
     ("ring overrun", LossCause.COMPUTER),
     ("disk too slow", LossCause.DISK),
     ("not written to disk", LossCause.DISK),
+    (FILE_DAMAGED, LossCause.DISK),
     ("time gap", LossCause.CABLE),
     ("sequence gap", LossCause.CABLE),
     ("repeated parity", LossCause.CABLE),

@@ -7,7 +7,7 @@ from typing import Literal
 
 from pydantic import Field
 
-from grabberd.documents.document import AcceptanceVerdict, Document, Glass, ImageSize, Weights
+from grabberd.documents.document import AcceptanceVerdict, Document, Glass, ImageSize, ViewHandedness, Weights
 
 
 class AcceptanceReason(Document):
@@ -58,6 +58,7 @@ class PictureMovement(Document):
 
     rms_px: float
     drift_px: float
+    drift_sigma_px: float | None = Field(None, description="Of the drift; null if unknown.")
 
 
 class CalibrationAcceptance(Document):
@@ -122,7 +123,10 @@ class AdjustmentSettings(Document):
 class FrameIdentification(Document):
     """Identification of the calibration frame's targets, by view."""
 
-    handedness: dict[str, int]
+    handedness: ViewHandedness
+    turn_deg: float | None = Field(
+        None, description="Turn of the calibration frame in the left view, counter-clockwise."
+    )
     rms_px: dict[str, float | None]
     runner_up_rms_px: dict[str, float | None] = Field(description="The same of the second best assignment.")
     runner_up_found: dict[str, int] = Field(description="Number of targets that it explains.")
@@ -375,6 +379,54 @@ class ImagingGeometry(Document):
     )
 
 
+class ViewValidity(Document):
+    """σ over a view's half of the picture, for points on the plane in the middle of the volume."""
+
+    view: str
+    columns: list[float]
+    lines: list[float]
+    z_mm: float
+    projection_px: dict[Literal["x", "y"], Grid] = Field(
+        description="σ of where the view shows a fixed point, from the calibration alone."
+    )
+    point_mm: dict[Axis, Grid] = Field(description="Expected σ of a point of one field, in total.")
+    inside: list[list[bool]] = Field(
+        description="True in the calibration frame's volume; elsewhere σ is extrapolated."
+    )
+
+
+class DepthValidity(Document):
+    """σ over planes of equal Z: root mean square over the volume's width and height."""
+
+    z_mm: list[float]
+    inside: list[bool] = Field(description="True in the calibration frame's volume.")
+    calibration: dict[Axis, list[float | None]]
+    total: dict[Axis, list[float | None]]
+
+
+class ViewMovement(Document):
+    """Cost of a view's movement after the calibration."""
+
+    view: str
+    movement: Literal["shift_x", "shift_y", "turn_x", "turn_y", "turn_z"] = Field(
+        description="A shift of the picture, or a turn of the camera about its own axis."
+    )
+    amount: float
+    unit: Literal["px", "deg"]
+    middle_mm: dict[Axis, float | None] = Field(description="Error in the middle of the volume.")
+    corner_mm: dict[Axis, float | None] = Field(description="The greatest one in its corners.")
+
+
+class CalibrationValidity(Document):
+    """Validity of a calibration; null where not both views see the place."""
+
+    volume_mm: dict[Axis, list[float]] = Field(description="From and to, of the calibration frame's targets.")
+    pointing_px: list[float] = Field(description="Pointing σ of one field in x and y, as in the totals.")
+    views: list[ViewValidity]
+    depths: DepthValidity
+    movements: list[ViewMovement]
+
+
 class CalibrationReport(Document):
     """Report of a calibration that was made from a capture; the page for people is drawn from it."""
 
@@ -400,6 +452,9 @@ class CalibrationReport(Document):
     normality: list[NormalityTest]
     validation: Validation | None
     volume: Volume
+    validity: CalibrationValidity | None = Field(
+        default=None, description="Null in reports of earlier versions."
+    )
     distortion: list[ShiftGrid]
     local_field: LocalFieldTrial | None = Field(description="Null if none was requested.")
     geometry: ImagingGeometry

@@ -76,10 +76,20 @@ class CalibrationFrameRow(Document):
     )
 
 
+class UnusableFrame(Document):
+    """A file of a calibration frame that cannot be used."""
+
+    name: str
+    problem: str = Field(description="What is wrong with the file.")
+    hint: str = Field(description="What to do about it.")
+
+
 class CalibrationFrameList(Document):
-    """The calibration frames that come with the program, by name."""
+    """A page of the calibration frames that can be selected, by name."""
 
     calibration_frames: list[CalibrationFrameRow]
+    unusable: list[UnusableFrame] = Field(description="Files between them that cannot be used.")
+    next: str | None = Next
 
 
 class LocalFieldDocument(Document):

@@ -1,13 +1,15 @@
-"""Captures, their ledgers and runs, groups of captures, and pages of the library with their facets."""
+"""Captures, their ledgers, runs and coverage, groups of captures, and pages of the library with facets."""
 
-from typing import Annotated
+from typing import Annotated, Literal
 
 from pydantic import Field
+from typing_extensions import TypeAliasType
 
 from grabberd.core.ledger import LossCause, Outcome, Rebase
+from grabberd.core.reconstruction.coverage import CoverageVerdict, FindingCode
+from grabberd.core.reconstruction.drift_check import MarkState
 from grabberd.documents.calibrations import CalibrationDocument
 from grabberd.documents.channels import ChannelsSummary
-from grabberd.documents.coverage import CoverageDocument, CoverageSummary
 from grabberd.documents.devices import FieldOrderDocument, ObjectModelDocument
 from grabberd.documents.document import (
     LINES,
@@ -23,6 +25,139 @@ from grabberd.documents.document import (
 )
 from grabberd.documents.examples import CAPTURE, GROUP
 from grabberd.documents.requests import CaptureName
+
+MissReason = TypeAliasType(
+    "MissReason",
+    Literal[
+        "no_blob_left",
+        "no_blob_right",
+        "no_blob",
+        "rays_apart",
+        "off_place",
+        "unconfirmed",
+        "not_identified",
+        "cut_off",
+        "unpredicted",
+        "taken",
+    ],
+)
+UnexpectedReason = TypeAliasType(
+    "UnexpectedReason", Literal["crowded", "turned_away", "hidden", "merged", "outside"]
+)
+
+
+class FindingDocument(Document):
+    """Statement about how well a run was measured, with the numbers that it rests on."""
+
+    verdict: CoverageVerdict = Field(description="Verdict that it alone would lead to.")
+    code: FindingCode
+    values: dict[str, float | None] = Field(description="The numbers that it rests on; shares from 0 to 1.")
+    miss: MissReason | None = Field(description="Most frequent reason why targets were not found.")
+    in_words: str
+
+
+class CoverageSummary(Document):
+    """Coverage of a run in short: how well it was measured."""
+
+    verdict: CoverageVerdict
+    in_words: str = Field(description="The gravest finding as a sentence.")
+    findings: list[FindingDocument] = Field(description="The gravest first; never empty.")
+    share: float | None = Field(
+        description="Share found of all targets that both views should have seen, over all fields, 0 to 1; "
+        "null if there were none."
+    )
+    fields: int = Field(description="Number of fields measured.")
+    missing_fields: int = Field(
+        description="Number of fields that should have come and could not be measured: lost, damaged, "
+        "without a signal."
+    )
+    residual_px: float | None = Field(
+        description="Root mean square of all image residuals after intersection, frame pixels; null without "
+        "points."
+    )
+    residual_sigma: float | None = Field(
+        description="The same in units of its expected standard deviation: about 1 or below if the rays meet "
+        "as well as the blobs were located."
+    )
+
+
+class TargetCoverage(Document):
+    """A target in a run."""
+
+    target: int
+    expected: int = Field(description="Number of fields in which both views should have seen it.")
+    found: int = Field(description="Number of those in which it was found.")
+    misses: dict[MissReason, int] = Field(description="The others, by the reason.")
+    unexpected: dict[UnexpectedReason, int] = Field(
+        default_factory=dict,
+        description="Number of fields in which a view could not show it, by the reason; empty in runs of "
+        "earlier versions.",
+    )
+    reason: MissReason | None = Field(description="The most frequent one; null if it never was missed.")
+    in_words: str = Field(description="The same as a sentence; empty if it never was missed.")
+    offset_x_mm: float | None = Field(
+        description="Mean offset from where its neighbours put it, along X; found ones included. Null if it "
+        "was not seen."
+    )
+    offset_y_mm: float | None
+    offset_z_mm: float | None
+    offset_sigma_mm: float | None = Field(
+        description="Standard deviation of the mean offset, in space; null below two fields."
+    )
+    offset_fields: int = Field(description="Number of fields that the offset is from: a few a second.")
+
+
+class FieldCoverage(Document):
+    """A field in which targets were missed."""
+
+    n: int
+    expected: int
+    found: int
+    residual_px: float | None
+
+
+class ViewCorrection(Document):
+    """Marks of a view in a run, and the movement that is taken off its images."""
+
+    state: MarkState
+    marks: int = Field(description="Number of marks used.")
+    shift_px: list[float] | None = Field(
+        None,
+        description="Shift of the middle of the view since the calibration, in columns and frame lines; null "
+        "where nothing is corrected, as for all that follows.",
+    )
+    shift_sigma_px: list[float] | None = Field(None, description="Its standard deviations.")
+    pattern_px: list[float] | None = Field(
+        None,
+        description="Coefficients of the movement: turn_x, turn_y, rotation, scale, aspect, skew, "
+        "keystone_x, keystone_y.",
+    )
+    pattern_sigma_px: list[float] | None = Field(None, description="Their standard deviations.")
+    size_px: float | None = Field(None, description="Root mean square of the movement over the view.")
+    sigma_px: float | None = Field(None, description="Root mean square of its standard deviation.")
+
+
+class CorrectionDocument(Document):
+    """Correction of the rig by marks on the cup, from a field on."""
+
+    n: int
+    left: ViewCorrection
+    right: ViewCorrection
+
+
+class CoverageDocument(CoverageSummary):
+    """Coverage of a run, target by target."""
+
+    targets: list[TargetCoverage]
+    worst_fields: list[FieldCoverage] = Field(
+        description="The fields in which most targets were missed, at most twenty, in their order."
+    )
+    corrections: list[CorrectionDocument] = Field(
+        default_factory=list,
+        description="What was taken off the images since the marks showed that the rig had moved, in order; "
+        "each holds until the next. Empty without marks.",
+    )
+    corrections_not_listed: int = Field(0, description="Number of further ones.")
 
 
 class LedgerEntryDocument(Document):
@@ -46,14 +181,42 @@ class LedgerEventDocument(Document):
     reason: str
 
 
+MOST_LISTED, MOST_IN_LISTS = 100, 10
+"""Entries, events and runs in a capture's document, and in one of many captures."""
+
+
 class LedgerDocument(Document):
     """Outcome of every field that should have arrived."""
 
     complete: bool
     in_words: str
     counts: dict[Outcome, int]
+    entries: list[LedgerEntryDocument] = Field(
+        description="The first hundred, or the first ten where captures are listed; "
+        "`captures/{capture_id}/ledger` has all."
+    )
+    events: list[LedgerEventDocument] = Field(description="As many of the events.")
+    entries_not_listed: int = Field(0, description="Number of further entries.")
+    events_not_listed: int = Field(0, description="Number of further events.")
+
+    def shortened(self, most: int) -> "LedgerDocument":
+        """The same with at most so many entries and events."""
+        changes = {
+            "entries": self.entries[:most],
+            "events": self.events[:most],
+            "entries_not_listed": self.entries_not_listed + max(len(self.entries) - most, 0),
+            "events_not_listed": self.events_not_listed + max(len(self.events) - most, 0),
+        }
+        return self.model_copy(update=changes)
+
+
+class LedgerPage(Document):
+    """A page of a capture's ledger: entries and events by their fields."""
+
+    capture: str
     entries: list[LedgerEntryDocument]
     events: list[LedgerEventDocument]
+    next: str | None = Next
 
 
 class RunDocument(Document):
@@ -148,7 +311,10 @@ class CaptureDocument(Document):
         "for one that lasts until it is stopped, and afterwards.",
     )
     ledger: LedgerDocument
-    runs: list[RunDocument]
+    runs: list[RunDocument] = Field(
+        description="The newest hundred, or the newest ten where captures are listed, in order."
+    )
+    runs_not_listed: int = Field(0, description="Number of earlier ones.")
     coverage: CoverageSummary | None = Field(
         None,
         description="How well the newest run was measured, beside `verdict`, which is about the fields "
@@ -167,14 +333,26 @@ class CaptureDocument(Document):
     size_bytes: int
     rig: JsonObject | None = Field(
         None,
-        description="What its points tell about camera and mirrors: the worst verdict (fits, doubtful, "
-        "moved, unmatched) and the means of shift_px and ratio; null where the points tell nothing.",
+        description="What its points tell about camera and mirrors: the worst verdict (fits, corrected, "
+        "doubtful, moved, unmatched) and the means of shift_px and ratio; with marks on the cup, "
+        "corrected_px, the largest movement taken off either view; null where the points tell nothing.",
     )
     field_order: FieldOrderDocument | None = Field(
         None,
         description="What the points of moving targets, measured during the capture, tell about the sequence "
         "of its fields in time; null where none were measured, and for progressive pictures.",
     )
+
+    @property
+    def in_list(self) -> "CaptureDocument":
+        """The capture as one of many."""
+        further = max(len(self.runs) - MOST_IN_LISTS, 0)
+        changes = {
+            "ledger": self.ledger.shortened(MOST_IN_LISTS),
+            "runs": self.runs[-MOST_IN_LISTS:],
+            "runs_not_listed": self.runs_not_listed + further,
+        }
+        return self.model_copy(update=changes)
 
     @property
     def disarmed(self) -> "CaptureDocument":

@@ -1,22 +1,86 @@
-"""Devices: their state, what they measure, how their picture is illuminated, and the order of their fields.
+"""Devices: state and health, what they measure, how their picture is illuminated, and their field order.
 
 Field order is by the measured points: it says whether fields follow one another in time as they are
 numbered.
+
+Health is one verdict, made in the daemon, that page, broker and /readyz go by.
 """
 
 from typing import Literal
 
 from pydantic import Field
+from typing_extensions import TypeAliasType
 
 from grabberd.core.geometry.document_reader import finite
 from grabberd.core.ledger import LossCause, Outcome, Rebase
-from grabberd.core.reconstruction.drift_check import RigVerdict
+from grabberd.core.reconstruction.drift_check import MarkState, RigVerdict
 from grabberd.core.reconstruction.field_order import FieldOrderFit, Order
 from grabberd.documents.calibrations import ActiveCalibration
 from grabberd.documents.document import LINES, Document, JsonObject, Latency, ViewCounts, extended
 from grabberd.documents.enums import DeviceState, Rung
-from grabberd.documents.health import DeviceHealth, FaultDocument, HealthPart
 from grabberd.errors import Cause
+
+
+class FaultDocument(Document):
+    """A fault of the daemon itself, its captures' folder or its settings."""
+
+    cause_code: Cause = Field(description="Machine-readable code.")
+    level: Literal["fault", "warning"] = Field(
+        description="fault: a person has to act; warning: to be known, or repaired by itself."
+    )
+    message: str
+    hint: str
+    since_utc: str
+
+
+HealthLevel = TypeAliasType("HealthLevel", Literal["good", "unknown", "warning", "bad"])
+HealthPart = TypeAliasType(
+    "HealthPart",
+    Literal[
+        "device",
+        "signal",
+        "rate",
+        "lost",
+        "ring",
+        "computer",
+        "measurement",
+        "calibration",
+        "rig",
+        "order",
+        "disk",
+        "records",
+        "clock",
+    ],
+)
+StartAdvice = TypeAliasType("StartAdvice", Literal["allowed", "doubtful", "refused"])
+
+
+class HealthPartDocument(Document):
+    """One part of the instrument."""
+
+    level: HealthLevel
+    word: str = Field(description="Machine-readable word for what it is like, such as `off` or `moved`.")
+    message: str = Field("", description="What is wrong, with values; empty if nothing is.")
+    hint: str = Field("", description="What to do about it.")
+    cause_code: Cause | None = Field(None, description="Machine-readable code of the cause, if it has one.")
+    since_utc: str | None = Field(None, description="Since when, if that is known.")
+
+
+class DeviceHealth(Document):
+    """Health of a device and of what it needs: the computer, the disk, the daemon's records."""
+
+    level: HealthLevel = Field(description="The worst of its parts; what is unknown does not count.")
+    part: HealthPart | None = Field(description="The part that is worst, the first if several are.")
+    message: str = Field(description="What is wrong with that part; empty if nothing is.")
+    hint: str = Field(description="What to do about it.")
+    start: StartAdvice = Field(
+        description="Whether a capture may be started: `doubtful` if it would be of little use now, "
+        "`refused` if there would be none."
+    )
+    parts: dict[HealthPart, HealthPartDocument] = Field(
+        description="Every part, but `order` where a device gives progressive pictures."
+    )
+
 
 _WRONG = {
     Order.REVERSED: (
@@ -126,14 +190,29 @@ class LiveDocument(Document):
     latency_ms: Latency | None
 
 
+class MarksDocument(Document):
+    """Marks on the cup as one view shows them now."""
+
+    state: MarkState
+    marks: int = Field(description="Number of marks used.")
+    size_px: float = Field(
+        description="Root mean square over the view of the movement that is taken off its images; 0 if "
+        "none is."
+    )
+    sigma_px: float = Field(description="Root mean square of its standard deviation.")
+
+
+ViewMarks = TypeAliasType("ViewMarks", dict[str, MarksDocument])
+
+
 class RigDocument(Document):
     """Agreement of camera and mirrors with the calibration, from the fields of the last seconds."""
 
     verdict: RigVerdict
     shift_px: float | None = Field(
-        description="Displacement of the views relative to each other, across the epipolar lines. A "
-        "displacement along these lines, or of both views alike, shows only in a check with the calibration "
-        "frame."
+        description="Displacement of the views relative to each other, across the epipolar lines, "
+        "once what the marks show has been taken off. Without marks, a displacement along these lines, or of "
+        "both views alike, shows only in a check with the calibration frame."
     )
     sigma_px: float | None = Field(
         description="Expected size of the displacement on a rig that has not moved."
@@ -141,6 +220,9 @@ class RigDocument(Document):
     ratio: float | None = Field(description="Root mean square in units of σ; 1 on a rig that has not moved.")
     residual_px: dict[str, dict[str, float | None]] = Field(
         description="Root mean square of the image residuals, by view and axis."
+    )
+    marks: ViewMarks | None = Field(
+        None, description="By view; null for a calibration that has learnt no marks."
     )
     targets: int
     fields: int
@@ -264,6 +346,9 @@ class ObjectModelDocument(Document):
     target_diameter_mm: float
     sigma_mm: float = Field(description="Standard deviation of the nominal coordinates.")
     homologous: bool = Field(True, description="True if the targets keep their ids through a capture.")
+    normal: tuple[float, float, float] | None = Field(
+        None, description="Direction in which all discs face, where it is not that of their grid's surface."
+    )
     targets: list[ObjectTarget]
 
 

@@ -13,6 +13,7 @@ from typing_extensions import TypeAliasType
 
 from grabberd.config import BitDepth, Lines, OnInterruption
 from grabberd.extension import extensions, in_order, load
+from grabberd.tables import LARGEST_NUMBER
 
 
 class Document(BaseModel):
@@ -21,7 +22,24 @@ class Document(BaseModel):
     model_config = ConfigDict(extra="forbid", frozen=True)
 
 
+Number = Annotated[float, Field(ge=-LARGEST_NUMBER, le=LARGEST_NUMBER, allow_inf_nan=False)]
+"""A number of a request that can be reckoned with."""
 D = TypeVar("D", bound=Document)
+
+
+def assembled(model: type[D], /, *sources: object, **own: object) -> D:
+    """A document of what is given, and of the attributes of the same names of some objects, the first first.
+
+    Raises:
+        ValidationError: A value is missing or invalid.
+    """
+    for source in sources:
+        own |= {
+            name: getattr(source, name)
+            for name in model.model_fields
+            if name not in own and hasattr(source, name)
+        }
+    return model.model_validate(own)
 
 
 def extended(model: type[D]) -> type[D]:
@@ -104,6 +122,8 @@ MarkChanges = TypeAliasType(
 Weights = TypeAliasType("Weights", Literal["honest", "equal"])
 CalibrationFrameTreatment = TypeAliasType("CalibrationFrameTreatment", Literal["weighted", "held"])
 Handedness = TypeAliasType("Handedness", Literal[-1, 1])
+Turn = TypeAliasType("Turn", Literal[0, 90, 180, 270])
+ViewHandedness = TypeAliasType("ViewHandedness", dict[str, int])
 CalibrationOrigin = TypeAliasType("CalibrationOrigin", Literal["capture", "import", "configuration"])
 Glass = TypeAliasType("Glass", dict[str, float])
 ImageSize = TypeAliasType("ImageSize", dict[str, int])

@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING, Literal
 from pydantic import Field
 
 from grabberd.documents.calibration_reports import PixelAxes
-from grabberd.documents.coverage import CoverageDocument
+from grabberd.documents.captures import CoverageDocument
 from grabberd.documents.devices import FieldOrderDocument
-from grabberd.documents.document import Document, JobProblem, Next, with_examples
+from grabberd.documents.document import Document, JobProblem, Next, ViewHandedness, with_examples
 from grabberd.documents.enums import JobState
 from grabberd.documents.examples import JOB
 from grabberd.extension import extensions, in_order, load
@@ -113,6 +113,15 @@ class ShownField(Document):
     y_step: int
 
 
+class SoughtTarget(Document):
+    """Target that somebody has to find in the picture."""
+
+    target: int = Field(description="Id of the target.")
+    x_mm: float = Field(description="Its place on the calibration frame, likewise below.")
+    y_mm: float
+    places: list[ImagePosition] = Field(description="Its possible places in the left view.")
+
+
 class IdentificationResult(Document):
     """Result of a job `identify`: the calibration frame's targets that a capture shows."""
 
@@ -122,6 +131,18 @@ class IdentificationResult(Document):
     picture: ShownField
     views: dict[str, IdentifiedView]
     moved: bool = Field(description="True if the calibration frame did not stand still.")
+    turn_deg: float | None = Field(
+        None,
+        description="Turn of the calibration frame in the left view, counter-clockwise; null if unknown.",
+    )
+    handedness: ViewHandedness | None = Field(None, description="Of each view, as the picture shows it.")
+    mirrored: bool = Field(
+        False, description="True if a view is seen mirrored, or the views swapped, unlike the configured rig."
+    )
+    asks: list[SoughtTarget] = Field(
+        default_factory=list,
+        description="Targets to mark in the left view, where the picture leaves it open.",
+    )
     problem: JobProblem | None = Field(description="Why it is unclear which target is which.")
 
 

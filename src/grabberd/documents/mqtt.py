@@ -7,10 +7,9 @@ from grabberd.core.ledger import Outcome
 from grabberd.core.reconstruction.coverage import CoverageVerdict
 from grabberd.core.reconstruction.drift_check import RigVerdict
 from grabberd.documents.channels import ChannelsVerdict
-from grabberd.documents.devices import DeviceDocument
+from grabberd.documents.devices import DeviceDocument, HealthLevel, HealthPart
 from grabberd.documents.document import CaptureState, Document, Verdict
 from grabberd.documents.enums import DeviceState
-from grabberd.documents.health import HealthLevel, HealthPart
 from grabberd.errors import Cause
 
 

@@ -2,9 +2,8 @@
 
 from pydantic import BaseModel, ConfigDict, Field
 
-from grabberd.documents.devices import LackDocument
+from grabberd.documents.devices import FaultDocument, LackDocument
 from grabberd.documents.examples import PROBLEM
-from grabberd.documents.health import FaultDocument
 
 KIND = "urn:grabberd:problem:"
 """Start of every problem's type."""

@@ -19,10 +19,13 @@ from grabberd.documents.document import (
     LinesKind,
     MarkChanges,
     Note,
+    Number,
     OverrunPolicy,
+    Turn,
     Weights,
     with_examples,
 )
+from grabberd.tables import LARGEST_NUMBER
 
 CHECK_S = 10.0
 """Length of a check's capture."""
@@ -37,8 +40,8 @@ _FRAME = (
 )
 
 
-class CaptureOptions(Document):
-    """Options common to a capture and to a group of captures."""
+class CaptureRequest(Document):
+    """Options of a capture, and of each capture of a group."""
 
     armed: bool = Field(False, description="Wait for a trigger: POST captures/{capture_id}/trigger.")
     fields: int | None = Field(
@@ -82,6 +85,21 @@ class CaptureOptions(Document):
     )
     note: Note = ""
     labels: Labels = Field(default_factory=dict, description="Cow, teat, liner, …")
+
+    def of_rate(self, rate_hz: float) -> Self:
+        """The request with its length in `fields`, for an armed capture from the trigger on.
+
+        Args:
+            rate_hz: Fields per second of the device.
+        """
+        fields = self.post_trigger_fields if self.armed else self.fields
+        if self.duration_s is not None:
+            fields = max(1, round(self.duration_s * rate_hz))
+        return self.model_copy(update={"fields": fields})
+
+
+class CaptureOptions(CaptureRequest):
+    """Options of a capture, and of a group of captures, whose length is given in one way."""
 
     @model_validator(mode="after")
     def _one_length(self) -> Self:
@@ -127,6 +145,10 @@ class NewCaptureGroup(CaptureOptions):
         default_factory=dict, description="Labels of individual devices' captures, in addition to `labels`."
     )
 
+    def of_device(self, name: str) -> Self:
+        """The request for the capture of one device: its own labels take precedence."""
+        return self.model_copy(update={"labels": {**self.labels, **self.labels_of.get(name, {})}})
+
 
 class CapturePatch(Document):
     """Changes to a capture's note, labels, marks and pin; whatever is left out stays."""
@@ -147,12 +169,39 @@ class CapturePatch(Document):
     )
 
 
+_TURN = (
+    "Turn of the calibration frame in the picture, counter-clockwise, as somebody has seen it: 0 if its X "
+    "points down and its Y to the right. Needed only for a frame that looks the same in several ways."
+)
+
+
+class TargetMark(Document):
+    """A target of the calibration frame where somebody sees it in the picture."""
+
+    view: Literal["left", "right"]
+    target: int = Field(ge=0, description="Its id.")
+    x_px: Number = Field(description="Frame pixels; the nearest image is the target's.")
+    y_px: Number
+
+
+MOST_MARKS = 2000
+MOST_DROPPED = 1000
+
+
+class CaptureMark(TargetMark):
+    """A target of the calibration frame where somebody sees it in a capture's picture."""
+
+    capture: str | None = Field(None, max_length=80, description="Id of the capture; default: the first.")
+
+
 class CertifiedLength(Document):
     """A certified distance of two targets of the calibration frame, which the adjustment does not see."""
 
     between: tuple[int, int] = Field(description="Ids of the two targets.")
-    length_mm: float = Field(gt=0, allow_inf_nan=False)
-    sigma_mm: float = Field(0.02, ge=0, allow_inf_nan=False, description="Its standard deviation.")
+    length_mm: float = Field(gt=0, le=LARGEST_NUMBER, allow_inf_nan=False)
+    sigma_mm: float = Field(
+        0.02, ge=0, le=LARGEST_NUMBER, allow_inf_nan=False, description="Its standard deviation."
+    )
 
 
 class CalibrationOptions(Document):
@@ -175,7 +224,16 @@ class CalibrationOptions(Document):
     local_field: bool | None = Field(
         None, description="True if a smooth field of residuals may be added to the model."
     )
-    handedness: Handedness | None = Field(None, description="Handedness of both views; default: determined.")
+    handedness: Handedness | None = Field(
+        None, description="Handedness of both views; default: as the rig states it, or else determined."
+    )
+    turn_deg: Turn | None = Field(None, description=_TURN)
+    marks: list[CaptureMark] | None = Field(
+        None, max_length=MOST_MARKS, description="Targets marked by hand, where the picture leaves it open."
+    )
+    dropped: list[int] | None = Field(
+        None, max_length=MOST_DROPPED, description="Ids of targets to leave out, as if the frame had none."
+    )
     check_length: CertifiedLength | None = Field(
         None, description="A certified length; default: the one in the calibration frame's document."
     )
@@ -267,6 +325,10 @@ class IdentificationRequest(Document):
 
     calibration_frame: str | JsonObject | None = Field(
         None, description="Its name or its document; not needed if there is only one."
+    )
+    turn_deg: Turn | None = Field(None, description=_TURN)
+    marks: list[TargetMark] = Field(
+        default_factory=list, max_length=MOST_MARKS, description="Targets marked by hand."
     )
 
 

@@ -6,10 +6,9 @@ from pydantic import Field
 
 from grabberd.config import ThresholdConfig
 from grabberd.documents.channels import LoggerDocument
-from grabberd.documents.devices import DeviceDocument
+from grabberd.documents.devices import DeviceDocument, FaultDocument
 from grabberd.documents.document import Document, with_examples
 from grabberd.documents.enums import Role
-from grabberd.documents.health import FaultDocument
 from grabberd.errors import Cause
 
 

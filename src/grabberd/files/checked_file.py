@@ -13,6 +13,7 @@ from os import strerror
 from pathlib import Path
 from typing import IO
 
+from grabberd import runtime
 from grabberd.errors import StorageError
 from grabberd.files.disk import storage_errors
 
@@ -39,7 +40,7 @@ def checked_path(path: Path, check: Check) -> Iterator[Path]:
             yield part
         check_file(part, check, path.name)
         with storage_errors(path):
-            part.rename(path)
+            runtime.rename(part, path)
     finally:
         part.unlink(missing_ok=True)
 

@@ -1,13 +1,65 @@
-"""Documents that people write and programs read: calibrations in JSON, everything else in YAML."""
+"""Documents read from files: calibrations in JSON, everything else in YAML; limits of a JSON text."""
 
+import json
 import os
 from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
-from grabberd.bounded_documents import parse_yaml, read_text
+from grabberd.bounded_documents import DEEPEST, LARGEST_DOCUMENT, parse_yaml, read_text
 from grabberd.errors import InputError
-from grabberd.files.json_value import read_json
+from grabberd.tables import LARGEST_NUMBER
+
+LARGEST_INTEGER = 1 << 64
+"""No number here is larger; times have 63 bits."""
+
+
+def read_json(text: str) -> Any:
+    """The value of a JSON text.
+
+    Raises:
+        ValueError: It is no JSON, too large or nested too deeply, or holds numbers or letters that no JSON
+            text may hold.
+    """
+    if not isinstance(text, str):
+        raise ValueError(f"a JSON text is {type(text).__name__}")
+    if len(text) > LARGEST_DOCUMENT:
+        raise ValueError(f"a JSON text has {len(text)} characters, more than {LARGEST_DOCUMENT}")
+    try:
+        value = json.loads(text)
+    except RecursionError:
+        raise ValueError("a JSON text is nested too deeply") from None
+    check_json(value)
+    return value
+
+
+def check_json(value: Any) -> None:
+    """Checks a value, level by level: recursion would end where the text's author wants it to.
+
+    Raises:
+        ValueError: See `read_json`.
+    """
+    level = [value]
+    for _ in range(DEEPEST):
+        level = [inner for outer in level for inner in _inner(outer)]
+        if not level:
+            return
+    raise ValueError(f"a JSON text is nested in more than {DEEPEST} levels")
+
+
+def _inner(value: Any) -> list[Any]:
+    if isinstance(value, dict):
+        return [*value, *value.values()]
+    if isinstance(value, list):
+        return value
+    if isinstance(value, str) and not value.isascii():
+        value.encode()  # a lone surrogate, which no answer could hold
+    if isinstance(value, float) and not abs(value) <= LARGEST_NUMBER:
+        raise ValueError(f"a JSON text holds {value}")
+    if isinstance(value, int) and abs(value) > LARGEST_INTEGER:
+        raise ValueError("a JSON text holds an integer of more than 64 bits")
+    return []
+
 
 JsonObject = dict[str, Any]
 PathLike = str | os.PathLike[str]

@@ -5,11 +5,11 @@ says for how long, and gives up as soon as nobody wants it any more; whoever rea
 stops. The two need not know each other: the patience in force travels with the context of the call.
 """
 
-import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from contextvars import ContextVar
 
+from grabberd import runtime
 from grabberd.errors import ReadingGivenUp
 
 
@@ -28,7 +28,7 @@ class Patience:
     def __init__(
         self,
         until_s: float | None,
-        now_s: Callable[[], float] = time.monotonic,
+        now_s: Callable[[], float] = runtime.monotonic,
         outer: "Patience | None" = None,
         between: Callable[[], None] | None = None,
     ) -> None:

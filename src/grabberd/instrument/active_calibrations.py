@@ -1,12 +1,13 @@
 """The active calibration of every device, and the calibrations that were rejected."""
 
 import logging
-import threading
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
+from grabberd import runtime
 from grabberd.archive.calibrations.calibration_catalog import (
     CalibrationCatalog,
+    CalibrationHead,
     active_calibration,
     failure_of,
 )
@@ -126,23 +127,26 @@ class ActiveCalibrations:
         documents = (one.setup.documents.get("calibration") for one in self._instruments.values())
         return {str(document["id"]) for document in documents if document}
 
-    def rows(self) -> list[CalibrationRow]:
-        """Returns all calibrations as they are listed, newest first.
+    def listing(self) -> tuple[list[CalibrationHead], Callable[[CalibrationHead], CalibrationRow]]:
+        """Returns the heads of all calibrations, newest first, and what reads the row of one.
 
         `active` is true if a device measures with it; `misfit` says why its own device cannot, or is None.
         """
-        rows, rejections = self._calibrations.rows(), self._rejections.all()
-        measuring = self._measuring(rows)
-        return [
-            row.model_copy(
+        heads, rejections = self._calibrations.heads(), self._rejections.all()
+        in_force = self.in_force()
+        measuring = self._measuring([self._calibrations.row(one) for one in heads if one.id in in_force])
+
+        def row(head: CalibrationHead) -> CalibrationRow:
+            found = self._calibrations.row(head)
+            return found.model_copy(
                 update={
-                    "active": (row.id, row.device) in measuring,
-                    "misfit": self._misfit(row),
-                    "rejected": rejections.get(row.id),
+                    "active": (found.id, found.device) in measuring,
+                    "misfit": self._misfit(found),
+                    "rejected": rejections.get(found.id),
                 }
             )
-            for row in rows
-        ]
+
+        return heads, row
 
     def row(self, calibration_id: str, device: str | None = None) -> CalibrationRow:
         """Returns one calibration as it is listed; if several devices have it, that of the device named.
@@ -150,7 +154,8 @@ class ActiveCalibrations:
         Raises:
             NotFound: No calibration has that id.
         """
-        rows = [row for row in self.rows() if row.id == calibration_id]
+        heads, row_of = self.listing()
+        rows = [row_of(head) for head in heads if head.id == calibration_id]
         if not rows:
             raise NotFound(f"no calibration {calibration_id!r}", "GET /api/v1/calibrations lists them")
         return next((row for row in rows if row.device == device), rows[0])
@@ -250,7 +255,7 @@ class _Rejections:
     def __init__(self, state: StateStore, clock: UtcClock) -> None:
         self._state = state
         self._clock = clock
-        self._lock = threading.Lock()
+        self._lock = runtime.lock()
 
     def all(self) -> dict[str, CalibrationRejection]:
         return {

@@ -4,9 +4,9 @@ If its file could not be sealed, that is retried until it succeeds.
 """
 
 import logging
-import threading
 from collections.abc import Callable, Mapping
 
+from grabberd import runtime
 from grabberd.archive.catalogue.archive import Archive
 from grabberd.clock import UtcClock
 from grabberd.errors import CaptureFileError, Cause, GrabberdError, StorageError
@@ -112,7 +112,7 @@ class UnsealedCaptures:
         self._given_up = given_up
         self._faults = faults
         self._clock = clock
-        self._lock = threading.Lock()
+        self._lock = runtime.lock()
         self._pause_ns = FIRST_NS
         self._due_ns = 0
 

@@ -10,9 +10,10 @@ from grabberd.archive.measure_setups import check_rig
 from grabberd.clock import SystemClock, UtcClock
 from grabberd.config import DeviceConfig
 from grabberd.core.geometry import Calibration
+from grabberd.documents.requests import CaptureRequest
 from grabberd.errors import InputError
 from grabberd.instrument.capture import capture_start
-from grabberd.instrument.capture.capture_request import CaptureRequest, NewCapture
+from grabberd.instrument.capture.capture_request import NewCapture
 from grabberd.instrument.capture.capture_start import CaptureStart
 from grabberd.instrument.capture.device_captures import CurrentCaptures, DeviceCaptures, check_stream
 from grabberd.instrument.capture.recording import Recording
@@ -93,7 +94,7 @@ class Instrument:
         if recording is not None:
             recording.stop("the daemon stopped")
             recording.sealed.wait(timeout_s)
-        # All are told to end before any is joined.
+        # All are asked to end before any is joined.
         self._capture_thread.stop()
         self.worker.stop()
         self.pipeline.thresholds.stop(timeout_s)

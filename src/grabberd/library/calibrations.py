@@ -7,13 +7,15 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Self
 
+import numpy as np
 from pydantic import ValidationError
 
 from grabberd.config import RigConfig, load_config, only_device
 from grabberd.core import geometry
-from grabberd.documents.calibration_reports import CalibrationReport
+from grabberd.core.calibration.validity import Calibrated, Volume, validity_document
+from grabberd.documents.calibration_reports import CalibrationReport, CalibrationValidity
 from grabberd.documents.requests import CalibrationOptions
-from grabberd.errors import InputError
+from grabberd.errors import InputError, said
 from grabberd.files.checked_file import write_text
 from grabberd.files.documents import PathLike, document_of, read_documents
 from grabberd.library.jobs.calibration import calibrate_files
@@ -66,6 +68,28 @@ class Calibration:
     def sigma0(self) -> float | None:
         """σ0 of the adjustment, 1 where residuals are as large as their σ; None if it is not known."""
         return (self.document.get("details") or {}).get("sigma0")
+
+    def validity(
+        self, volume_mm: Mapping[str, Sequence[float]] | None = None, pointing_px: float | None = None
+    ) -> CalibrationValidity:
+        """Computes where it is good: σ over each view and depth, and the cost of .1 px or .01° of movement.
+
+        Args:
+            volume_mm: From and to in "x", "y" and "z"; by default those of the calibration frame's targets.
+                Outside of the volume σ is extrapolated, and marked so.
+            pointing_px: Pointing σ of one field in x and y; by default that of the calibration frame's own.
+
+        Raises:
+            InputError: The calibration does not state its volume or pointing σ, and none is given; or the
+                given one is no volume.
+        """
+        model, stated = self.model, (self.document.get("details") or {}).get("volume") or {}
+        volume = volume_mm or stated.get("volume_mm")
+        pointing = stated.get("pointing_px") if pointing_px is None else (pointing_px, pointing_px)
+        fields = geometry.LocalFields(*model.local_fields, model.local_correlation)
+        calibrated = Calibrated(model.views, model.covariance, fields, model.lines)
+        known = _volume(self.id, volume, pointing)
+        return CalibrationValidity.model_validate(validity_document(calibrated, known))
 
     def save(self, path: PathLike) -> Path:
         """Saves the calibration as a new file.
@@ -142,6 +166,30 @@ def calibrate(
     return Calibration(made.calibration.to_document(), made.report)
 
 
+def _volume(name: str, volume_mm: Any, pointing_px: Any) -> Volume:
+    """A volume as given or as a calibration's document states it."""
+    if not volume_mm or not pointing_px:
+        raise InputError(
+            f"calibration {name} does not state the volume of its calibration frame, or its pointing σ",
+            "give volume_mm={'x': (from, to), 'y': (from, to), 'z': (from, to)} and pointing_px",
+        )
+    try:
+        low, high = np.array([volume_mm[axis] for axis in "xyz"], np.float64).T
+        sigma = float(pointing_px[0]), float(pointing_px[1])
+    except (KeyError, TypeError, ValueError, IndexError) as error:
+        raise InputError(
+            f"{volume_mm!r:.80} is no volume", "give from and to for x, y and z, in mm"
+        ) from error
+    if not (
+        (low < high).all() and np.isfinite([*low, *high]).all() and 0 < min(sigma) <= max(sigma) < np.inf
+    ):
+        raise InputError(
+            f"the volume {volume_mm!r:.80} or the pointing σ {sigma} px is empty or not finite",
+            "give from and to in ascending order, in mm, and a σ above 0",
+        )
+    return Volume(low, high, sigma)
+
+
 def nominal_rig_of(config: Path, device: str | None) -> RigConfig:
     """The nominal rig of a device in a configuration; None for the only one."""
     known = load_config(config)
@@ -155,4 +203,4 @@ def _options(given: Mapping[str, Any]) -> CalibrationOptions:
         first = error.errors()[0]
         where = ".".join(map(str, first["loc"]))
         known = ", ".join(CalibrationOptions.model_fields)
-        raise InputError(f"option {where}: {first['msg']}", f"the options are {known}") from error
+        raise InputError(f"option {where}: {said(first['msg'])}", f"the options are {known}") from error

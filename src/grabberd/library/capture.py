@@ -1,9 +1,12 @@
-"""A capture file: its fields, points, ledger and runs; measured, judged and exported."""
+"""A capture file: its fields, points, ledger and runs; measured, judged, exported and drawn."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Self
+
+import numpy as np
+from numpy.typing import NDArray
 
 from grabberd.archive.capture.meta import CaptureMeta
 from grabberd.archive.capture.reader import CaptureReader
@@ -14,16 +17,82 @@ from grabberd.archive.input_files import read_truth
 from grabberd.archive.measure_setups import settings_of_capture
 from grabberd.core.chain.accuracy import Investigation, InvestigationSettings, investigate
 from grabberd.core.ledger import Ledger
-from grabberd.errors import InputError, NotReady
+from grabberd.errors import InputError, NotFound, NotReady
 from grabberd.files.documents import PathLike, document_of
 from grabberd.library.calibrations import Calibration, Progress
-from grabberd.library.fields import Fields
+from grabberd.library.fields import CapturedField, Fields
 from grabberd.library.jobs.measurement import measure_file
-from grabberd.library.tables import Chosen, PointTable, read_points
+from grabberd.library.tables import Chosen, PointTable, Table, optional, read_points
 from grabberd.memory import one_thread
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
+
+
+def _axes(given: "Axes | None", **options: Any) -> "Axes":
+    if given is not None:
+        return given
+    pyplot = optional("matplotlib.pyplot", "a plot")
+    _, made = pyplot.subplots(layout="constrained", **options)
+    return made
+
+
+def draw_field(field: CapturedField, ax: "Axes | None" = None) -> "Axes":
+    """Draws a field in frame pixels."""
+    axes = _axes(ax, figsize=(8, 6))
+    first, last, step = field.lines[0], field.lines[-1], field.packed.y_step
+    extent = (-0.5, field.packed.columns - 0.5, last + step / 2, first - step / 2)
+    axes.imshow(field.picture, cmap="gray", vmin=0, vmax=255, extent=extent)
+    axes.set(title=f"field {field.n}, {field.time_s:.2f} s", xlabel="x, px", ylabel="y, frame lines")
+    return axes
+
+
+def draw_points(points: PointTable, ax: "Axes | None" = None) -> "Axes":
+    """Draws points in the object's frame as seen along z; the colour is z."""
+    wide, high = np.ptp(points["x_mm"]), np.ptp(points["y_mm"])
+    # As wide as a notebook's page, and as high as the object with its labels.
+    axes = _axes(ax, figsize=(8, min(max(8 * high / max(wide, 1.0), 1.5), 8) + 1))
+    drawn = axes.scatter(points["x_mm"], points["y_mm"], c=points["z_mm"], s=14)
+    bar = axes.figure.colorbar(drawn, ax=axes)
+    bar.set_label("z, mm")
+    axes.set(xlabel="x, mm", ylabel="y, mm", aspect="equal", title=f"{len(points)} points")
+    return axes
+
+
+def draw_target(points: PointTable, target: int, axis: str, ax: "Axes | None" = None) -> "Axes":
+    """Draws a coordinate of a target over time, with its σ."""
+    name = f"{axis}_mm"
+    value, sigma, chosen = points[name], points[f"sigma_{name}"], points["target"] == target
+    if not chosen.any():
+        known = ", ".join(map(str, points.targets.target))
+        raise NotFound(f"target {target} was found in no field", f"the targets are {known}")
+    axes = _axes(ax, figsize=(9, 3.5))
+    axes.errorbar(points["time_s"][chosen], value[chosen], sigma[chosen], fmt=".-", elinewidth=1)
+    axes.set(xlabel="time, s", ylabel=f"{axis}, mm", title=f"target {target}")
+    return axes
+
+
+def draw_courses(table: Table, time: str, columns: Sequence[str], ax: "Axes | None" = None) -> "Axes":
+    """Draws columns of a table over its time, with their σ where they have one."""
+    axes = _axes(ax, figsize=(9, 3.5))
+    for name in columns:
+        sigma = table[f"sigma_{name}"] if f"sigma_{name}" in table.units else None
+        axes.errorbar(table[time], table[name], sigma, fmt=".-", elinewidth=1, label=name)
+    units = sorted({table.units[name] for name in columns} - {""})
+    axes.set(xlabel="time, s", ylabel=", ".join(units))
+    axes.legend()
+    return axes
+
+
+def draw_map(values: NDArray[np.float64], title: str, unit: str, ax: "Axes | None" = None) -> "Axes":
+    """Draws values over the targets' grid, the rows of the object along x."""
+    axes = _axes(ax, figsize=(8, 3))
+    axes.set_facecolor("lightgray")
+    drawn = axes.imshow(values.T, aspect="auto")
+    bar = axes.figure.colorbar(drawn, ax=axes)
+    bar.set_label(unit)
+    axes.set(title=title, xlabel="row", ylabel="column")
+    return axes
 
 
 @dataclass(frozen=True)
@@ -220,8 +289,6 @@ class Capture:
             NotFound: The field is not in the file.
             ExtraMissing: matplotlib is not installed.
         """
-        from grabberd.library.plots import draw_field  # noqa: PLC0415 - needs matplotlib
-
         return draw_field(self.fields[n], ax)
 
     def plot_points(self, n: int, run: int | None = None, ax: "Axes | None" = None) -> "Axes":
@@ -231,8 +298,6 @@ class Capture:
             NotFound: The field has no points.
             ExtraMissing: matplotlib is not installed.
         """
-        from grabberd.library.plots import draw_points  # noqa: PLC0415 - needs matplotlib
-
         axes = draw_points(self.points(run, first_n=n, end_n=n + 1), ax)
         axes.set_title(f"points of field {n}")
         return axes
@@ -247,8 +312,6 @@ class Capture:
             InputError: There is no such axis.
             ExtraMissing: matplotlib is not installed.
         """
-        from grabberd.library.plots import draw_target  # noqa: PLC0415 - needs matplotlib
-
         return draw_target(self.points(run), target, axis, ax)
 
     def _newest(self) -> Mapping[str, Any]:

@@ -5,7 +5,7 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 from tempfile import mkdtemp
 from typing import Any
-from urllib.parse import quote, urlencode
+from urllib.parse import quote
 
 import grabberd
 from grabberd.client.daemon import CAPTURES, POLL_S, TIMEOUT_S, UNENDED, Daemon
@@ -14,7 +14,6 @@ from grabberd.errors import NotReady
 from grabberd.files.documents import PathLike
 
 HERE = "http://127.0.0.1:8050"
-_PAGE = 500
 
 
 class RemoteCapture:
@@ -131,16 +130,10 @@ class Connection:
             search: Text to search for.
             **labels: Labels that they have, e.g. `liner="A"`.
         """
-        asked = [("limit", str(_PAGE)), *((("search", search),) if search else ())]
+        asked = [("search", search)] if search else []
         asked += [("label", f"{name}={value}") for name, value in labels.items()]
-        cursor = ""
-        while True:
-            query = urlencode([*asked, *((("cursor", cursor),) if cursor else ())])
-            page = self._daemon.ask(f"{CAPTURES}?{query}")
-            for document in page["captures"]:
-                yield RemoteCapture(self._daemon, document)
-            if not (cursor := page.get("next") or ""):
-                return
+        for document in self._daemon.rows(CAPTURES, "captures", *asked):
+            yield RemoteCapture(self._daemon, document)
 
     def capture(self, capture_id: str) -> RemoteCapture:
         """A capture by its id."""

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from grabberd.archive.capture.checked_rows import END
+from grabberd.archive.capture.digests import END
 from grabberd.archive.capture.reader import CaptureReader
 from grabberd.archive.export.point_grid import GridTargets, known_model
 from grabberd.archive.export.points_columns import POINT_COLUMNS, rows_by_group

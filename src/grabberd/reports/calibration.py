@@ -5,7 +5,7 @@ from typing import Any, NamedTuple
 
 from grabberd.reports.document import CALIBRATION, check_document, environment
 from grabberd.reports.figures import require_matplotlib
-from grabberd.reports.notation import Measured, common_exponent, measured, power_of_ten, symbol
+from grabberd.reports.notation import Measured, common_exponent, fixed, measured, power_of_ten, symbol
 
 Document = Mapping[str, Any]
 Row = Mapping[str, Any]
@@ -78,6 +78,7 @@ def values(document: Document) -> dict[str, Any]:
         "parameters": _parameters(document["views"]),
         "compared": [_compared(row) for row in document.get("comparison") or []],
         "kept": {(row["view"], row["target"]) for row in document.get("residuals") or []},
+        "movements": [_movement(row) for row in (document.get("validity") or {}).get("movements") or []],
         "strong": _strong(document.get("unknowns") or {}),
         "strong_from": _STRONG,
     }
@@ -134,6 +135,22 @@ def _compared(row: Row) -> Compared:
     return Compared(
         symbol(row["parameter"]), unit, left, right, *difference, row.get("statistic"), row.get("p")
     )
+
+
+def _movement(row: Row) -> Mapping[str, str]:
+    kind, _, axis = row["movement"].partition("_")
+    what = f"picture shifted along {axis}" if kind == "shift" else f"camera turned about its {axis} axis"
+    return {
+        "view": row["view"],
+        "movement": f"{what}, {row['amount']:g} {'px' if row['unit'] == 'px' else '°'}",
+        "middle": _xyz(row["middle_mm"]),
+        "corner": _xyz(row["corner_mm"]),
+    }
+
+
+def _xyz(values: Mapping[str, float | None]) -> str:
+    known = [values[axis] for axis in "xyz"]
+    return "not seen" if None in known else " / ".join(fixed(one, 4) for one in known)
 
 
 def _strong(unknowns: Mapping[str, Any]) -> list[tuple[str, str, float]]:

@@ -149,7 +149,7 @@ def environment() -> DocumentEnvironment:
 
 def figures_in(package: ModuleType) -> dict[str, Any]:
     """The functions of a package that draw, by name."""
-    return {name: getattr(package, name) for name in package.__all__ if name.endswith("_svg")}
+    return {name: one for name, one in vars(package).items() if name.endswith("_svg")}
 
 
 @pass_environment

@@ -11,13 +11,14 @@ from types import MappingProxyType
 
 from grabberd.extension import extensions, in_order, load
 from grabberd.schemas.files import (
+    Form,
+    Schema,
     calibration_frame_schema,
     calibration_schema,
     capture_meta_schema,
     configuration_schema,
     object_schema,
 )
-from grabberd.schemas.forms import Form, Schema
 
 __all__ = ["DIALECT", "Form", "Schema", "known_forms", "schema_of"]
 

@@ -5,8 +5,9 @@ tables of keys that their readers have; a calibration is read key by key, by `co
 """
 
 from collections.abc import Callable, Mapping
+from typing import Any, NamedTuple
 
-from grabberd.archive.calibrations.calibration_frames import CALIBRATION_FRAME_KEYS
+from grabberd.archive.calibrations.calibration_catalog import CALIBRATION_FRAME_KEYS
 from grabberd.archive.capture.meta import StoredMeta
 from grabberd.config import Config
 from grabberd.core.field import BIT_DEPTHS
@@ -14,18 +15,78 @@ from grabberd.core.geometry.calibration import LARGEST_SIDE_PX, SCHEMA
 from grabberd.core.geometry.view import PARAMETERS
 from grabberd.core.reconstruction.object_model import KEYS, TARGET_KEYS, FileKey
 from grabberd.documents.requests import CertifiedLength
-from grabberd.schemas.forms import (
-    Schema,
-    either,
-    integer,
-    mapping,
-    number,
-    numbers,
-    one_of,
-    or_nothing,
-    positive,
-    text,
-)
+
+Schema = dict[str, Any]
+
+LARGEST_INTEGER = (1 << 31) - 1
+"""Whole numbers that a reader takes where nothing else limits them."""
+
+
+class Form(NamedTuple):
+    """The form of a file.
+
+    Attributes:
+        title: What the file is.
+        made: Makes its schema.
+    """
+
+    title: str
+    made: Callable[[], Schema]
+
+
+def text(description: str = "") -> Schema:
+    """A text that is not empty."""
+    return _described({"type": "string", "minLength": 1}, description)
+
+
+def number(description: str = "", **limits: float) -> Schema:
+    """A number, within `minimum`, `exclusiveMinimum` and the like."""
+    return _described({"type": "number", **limits}, description)
+
+
+def positive(description: str = "") -> Schema:
+    """A number above 0."""
+    return number(description, exclusiveMinimum=0)
+
+
+def integer(description: str = "", *, least: int = -LARGEST_INTEGER, most: int = LARGEST_INTEGER) -> Schema:
+    """A whole number."""
+    return _described({"type": "integer", "minimum": least, "maximum": most}, description)
+
+
+def one_of(*values: object, description: str = "") -> Schema:
+    """One of some values."""
+    return _described({"enum": list(values)}, description)
+
+
+def numbers(*shape: int, description: str = "") -> Schema:
+    """Nested lists of numbers of this shape."""
+    inner: Schema = {"type": "number"}
+    for length in reversed(shape):
+        inner = {"type": "array", "items": inner, "minItems": length, "maxItems": length}
+    return _described(inner, description)
+
+
+def mapping(keys: Mapping[str, Schema], required: tuple[str, ...] = (), description: str = "") -> Schema:
+    """A mapping that has no other keys than these."""
+    form: Schema = {"type": "object", "properties": dict(keys), "additionalProperties": False}
+    if required:
+        form["required"] = list(required)
+    return _described(form, description)
+
+
+def either(*forms: Schema, description: str = "") -> Schema:
+    """One form or another."""
+    return _described({"anyOf": list(forms)}, description)
+
+
+def or_nothing(form: Schema, description: str = "") -> Schema:
+    """The form, or null, which stands for a key that is left out."""
+    return either(form, {"type": "null"}, description=description)
+
+
+def _described(form: Schema, description: str) -> Schema:
+    return form | ({"description": description} if description else {})
 
 
 def configuration_schema() -> Schema:
@@ -52,6 +113,7 @@ _KINDS: Mapping[str, Callable[[], Schema]] = {
     "number from 0": lambda: number(minimum=0),
     "whole number": integer,
     "whole number from 0": lambda: integer(least=0),
+    "three numbers": lambda: numbers(3),
     "`true` or `false`": lambda: {"type": "boolean"},
     "list": lambda: {"type": "array", "minItems": 1, "items": _keys(TARGET_KEYS)},
     "anything": dict,
@@ -115,11 +177,30 @@ def calibration_schema() -> Schema:
             "The plate that was in place.",
         ),
         "details": or_nothing(
-            {"type": "object"}, "Certificate, temperature, protocol: carried along unread."
+            {"type": "object", "properties": {"image_model": or_nothing(_image_model())}},
+            "Certificate, temperature, protocol: carried along unread, but for image_model.",
         ),
     }
     required = ("schema", "id", "created_utc", "source", "image", "views")
     return mapping(keys, required)
+
+
+def _image_model() -> Schema:
+    own = {"type": "number", "exclusiveMinimum": -1, "exclusiveMaximum": 1}
+    keys: dict[str, Schema] = {
+        "disc_centres": {
+            "type": "boolean",
+            "description": "Whether it was made of the centres of discs, not of their pictures' middles.",
+        },
+        "local_correlation": {
+            "type": "array",
+            "items": own,
+            "minItems": 2,
+            "maxItems": 2,
+            "description": "Of the errors left in both local fields, in x and in y.",
+        },
+    }
+    return mapping(keys, (), "What the images were taken for.")
 
 
 def _view() -> Schema:

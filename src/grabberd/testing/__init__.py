@@ -18,17 +18,8 @@ pytest.register_assert_rewrite(
     "grabberd.testing.locator_contract",
 )
 
-from grabberd.testing.grabber_contract import (  # noqa: E402
-    FIELDS,
-    GrabberBench,
-    GrabberContract,
-    ManualClock,
-)
-from grabberd.testing.locator_contract import (  # noqa: E402 - after what rewrites asserts
-    DrawnDiscs,
-    LocatorContract,
-    draw_discs,
-)
+from grabberd.testing.grabber_contract import FIELDS, GrabberBench, GrabberContract, ManualClock  # noqa: E402
+from grabberd.testing.locator_contract import DrawnDiscs, LocatorContract, draw_discs  # noqa: E402 - after what rewrites asserts
 from grabberd.testing.logger_contract import COUNT, LoggerBench, LoggerContract  # noqa: E402
 
 __all__ = [

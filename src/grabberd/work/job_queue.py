@@ -1,11 +1,11 @@
 """The queue of jobs: what waits, runs and has ended, on the disk before anybody sees it."""
 
 import logging
-import threading
 from collections.abc import Callable, Sequence
 from datetime import timedelta
 from typing import Any
 
+from grabberd import runtime
 from grabberd.clock import UtcClock, iso_utc
 from grabberd.documents.document import JobProblem
 from grabberd.documents.enums import JobState
@@ -19,9 +19,12 @@ log = logging.getLogger(__name__)
 
 MOST_WAITING = 1000
 """Number of jobs that may wait: more would be a program that asks without end."""
+MOST_PARAMETERS = 32 << 20
+"""Characters that the parameters of all of them may have: each may hold the text of a whole vacuum log."""
 KEPT = timedelta(days=30)
 MOST_KEPT = 1000
 """How long, and how many, ended jobs are known."""
+_WAIT = "wait for some of them, or cancel them: grabberd jobs"
 _CRASHED = "the daemon or the job's process ended before the job was done"
 _SEE_JOURNAL = "see the journal for what ended it; ask for the job again once that is put right"
 
@@ -58,9 +61,9 @@ class JobQueue:
         self._entries: dict[int, Entry] = {}
         self._unfinished: dict[int, Entry] = {}
         self._unanalysed: dict[str, Unanalysed] = {}
-        self._changed = threading.Condition()
+        self._changed = runtime.condition()
         # Held over a change of the disk and of what is known; who only looks never waits for a disk.
-        self._changing = threading.RLock()
+        self._changing = runtime.rlock()
 
     def open(self) -> None:
         """Reads the queue from the disk.
@@ -92,13 +95,13 @@ class JobQueue:
             Conflict: Too many jobs wait already.
             StorageError: The disk cannot be written.
         """
-        now = self._clock.utc_now()
+        now, size = self._clock.utc_now(), len(spec.model_dump_json())
         with self._changing:
             if len(self._unfinished) >= MOST_WAITING:
-                raise Conflict(
-                    f"{MOST_WAITING} jobs wait already",
-                    "wait for some of them, or cancel them: grabberd jobs",
-                )
+                raise Conflict(f"{MOST_WAITING} jobs wait already", _WAIT)
+            waiting = sum(one.size for one in self._unfinished.values())
+            if self._unfinished and waiting + size > MOST_PARAMETERS:
+                raise Conflict(f"jobs with {waiting >> 20} MB of parameters wait already", _WAIT)
             # Not below the time of day: a client that still polls a job of a queue that was lost gets 404,
             # and not somebody else's job.
             number = max(int(now.timestamp()), max(self._entries, default=0) + 1)
@@ -111,7 +114,7 @@ class JobQueue:
                 created_utc=iso_utc(now),
                 progress=0.0,
             )
-            self._keep(Entry(number, job, spec))
+            self._keep(Entry(number, job, spec, size))
         return self.get(job.id)
 
     def get(self, job_id: str) -> JobDocument:

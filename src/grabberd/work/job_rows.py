@@ -3,15 +3,16 @@
 import json
 from collections.abc import Callable, Iterable, Mapping
 from contextlib import AbstractContextManager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, NamedTuple, Protocol
 
 from pydantic import TypeAdapter, ValidationError
 
-from grabberd.documents.document import JobProblem
+from grabberd.documents.document import JobProblem, assembled
 from grabberd.documents.enums import JobState
 from grabberd.documents.jobs import JobDocument, JobResult
+from grabberd.errors import said
 from grabberd.work.job_spec import JobSpec
 
 
@@ -110,11 +111,12 @@ RESULT: TypeAdapter[JobResult] = TypeAdapter(JobResult)
 
 @dataclass(frozen=True, slots=True)
 class Entry:
-    """A job, and its declaration until it has ended."""
+    """A job, and its declaration until it has ended, with the characters of that as JSON."""
 
     number: int
     job: JobDocument
-    spec: JobSpec | None
+    spec: JobSpec | None = None
+    size: int = 0
 
     @property
     def ended(self) -> bool:
@@ -136,7 +138,7 @@ class Entry:
     def changed(self, **changes: Any) -> "Entry":
         """The job as it now stands; without its declaration once it has ended."""
         job = self.job.model_copy(update=changes)
-        return Entry(self.number, job, None if job.state in ENDED else self.spec)
+        return Entry(self.number, job) if job.state in ENDED else replace(self, job=job)
 
     def had_all_attempts(self, words: str, hint: str) -> JobProblem | None:
         """Problem of a job that was interrupted in its last attempt; None if there may be another one.
@@ -196,33 +198,30 @@ def entry_of(row: StoredJob, kinds: Kinds) -> Entry:
     Raises:
         ValueError: The row is none of a job.
     """
-    job = JobDocument(
+    job = assembled(
+        JobDocument,
+        row,
         id=id_of(row.number),
-        kind=row.kind,
-        subject=row.subject,
-        automatic=row.automatic,
-        state=JobState(row.state),
-        created_utc=row.created_utc,
-        ended_utc=row.ended_utc,
-        attempts=row.attempts,
         progress=1.0 if row.state == JobState.DONE else 0.0,
+        result=None,
         problem=None if row.problem is None else JobProblem.model_validate_json(row.problem),
     )
     if job.state in ENDED:
-        return Entry(row.number, _with_result(job, row.result), None)
+        return Entry(row.number, _with_result(job, row.result))
     try:
         kind = kinds[row.kind]
         # By Python's values: of a JSON text, the models that only describe a profile's content would be made.
-        return Entry(row.number, job, kind.model_validate(json.loads(row.parameters or "")))
+        spec = kind.model_validate(json.loads(row.parameters or ""))
+        return Entry(row.number, job, spec, len(row.parameters or ""))
     except KeyError:
         words = f"this program knows no job {row.kind!r}"
     except ValidationError as error:
-        words = f"its parameters cannot be read: {error.errors()[0]['msg']}"
+        words = f"its parameters cannot be read: {said(error.errors()[0]['msg'])}"
     except (ValueError, RecursionError) as error:
         words = f"its parameters cannot be read: {error}"
     problem = JobProblem(message=words, hint="ask for it again; it was queued by another version of grabberd")
     failed = {"state": JobState.FAILED, "problem": problem, "ended_utc": row.created_utc}
-    return Entry(row.number, job.model_copy(update=failed), None)
+    return Entry(row.number, job.model_copy(update=failed))
 
 
 def _with_result(job: JobDocument, result: str | None) -> JobDocument:

@@ -3,13 +3,12 @@
 import logging
 import resource
 import signal
-import threading
-import time
 from collections.abc import Callable
 from functools import cache, partial
 from pathlib import Path
 from typing import Any
 
+from grabberd import runtime
 from grabberd.documents.document import JobProblem
 from grabberd.documents.enums import JobState
 from grabberd.errors import Cause, GrabberdError, StorageError
@@ -72,16 +71,16 @@ def _lock_of(folder: Path) -> DirectoryLock:
 
 def _refusal_of_a_second(folder: Path) -> JobProblem | None:
     """Problem while an earlier process runs, which even a killed one does until its disk has answered."""
-    lock, until_s = _lock_of(folder), time.monotonic() + ALONE_S
+    lock, until_s = _lock_of(folder), runtime.monotonic() + ALONE_S
     while True:
         try:
             lock.acquire()
             return None
         except StorageError as error:
-            if time.monotonic() > until_s:
+            if runtime.monotonic() > until_s:
                 waited = f"the process of an earlier job has not ended within {ALONE_S:g} s: {error.message}"
                 return JobProblem(message=waited, hint="see whether its disk hangs, then try again")
-        time.sleep(_POLL_S)
+        runtime.sleep(_POLL_S)
 
 
 def _too_large() -> JobProblem:
@@ -131,12 +130,12 @@ class JobRunner:
         self._context = context
         self._faults = faults or FaultBoard()
         self._memory_bytes = memory_bytes
-        self._stopping = threading.Event()
+        self._stopping = runtime.event()
         self.process: Process | None = None
         # Whose job the process has, so that no other is killed in its place.
-        self._having = threading.Lock()
+        self._having = runtime.lock()
         self._number: int | None = None
-        self._thread = threading.Thread(target=self._run, name="jobs", daemon=True)
+        self._thread = runtime.Thread(target=self._run, name="jobs", daemon=True)
 
     @property
     def alive(self) -> bool:
@@ -184,7 +183,7 @@ class JobRunner:
             self._surely(lambda: self._queue.end(entry.number, JobState.FAILED, problem=problem))
             return
         try:
-            process = self._process_for(entry.number)
+            process = self._process_for(entry)
             progress = partial(self._queue.progress, entry.number)
             ended = process.call(RUN, spec, context, self._folder, progress=progress)
         except (NoAnswer, OSError):  # the process has ended: killed, out of memory, or crashed
@@ -198,7 +197,7 @@ class JobRunner:
         else:
             self._end(entry.number, **ended)
 
-    def _process_for(self, number: int) -> Process:
+    def _process_for(self, entry: Entry) -> Process:
         with self._having:
             if self._stopping.is_set():
                 raise NoAnswer
@@ -209,7 +208,9 @@ class JobRunner:
                 limits = Limits(niceness=NICENESS, data_bytes=self._memory_bytes)
                 # An orphan would go on beside its successor.
                 self.process = Process(limits, end_with_parent=True)
-            self._number = number
+            self._number = entry.number
+            if self._queue.get(entry.job.id).state is not JobState.RUNNING:
+                raise NoAnswer  # cancelled since it began, when there was nothing to interrupt yet
             return self.process
 
     def _kill(self) -> int | None:

@@ -9,17 +9,15 @@ import itertools
 import json
 import os
 import pickle
-import selectors
 import subprocess
 import sys
-import threading
-import time
 from collections.abc import Callable, Generator, Iterable, Iterator
 from contextlib import closing, suppress
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+from grabberd import runtime
 from grabberd.errors import StorageError
 from grabberd.files.disk import storage_errors
 from grabberd.files.patience import check_patience
@@ -54,7 +52,7 @@ class NoAnswer(StorageError):
         )
 
 
-def start(limits: Limits, *, end_with_parent: bool = False) -> "subprocess.Popen[bytes]":
+def start(limits: Limits, *, end_with_parent: bool = False) -> runtime.ChildProcess:
     """Starts a process; it is ready half a second of processor time later, and may be asked at once.
 
     Args:
@@ -71,7 +69,7 @@ def start(limits: Limits, *, end_with_parent: bool = False) -> "subprocess.Popen
         f"import os; os.nice({limits.niceness}); from grabberd.work.child import Limits, main; "
         f"main({limits!r})"
     )
-    process = subprocess.Popen(  # noqa: S603 - it forks without copying memory; the program is ours
+    process = runtime.process(  # it forks without copying memory
         # -P: the current folder may be that of the captures, and hold a module of any name.
         (sys.executable, "-P", "-c", program),
         stdin=subprocess.PIPE,
@@ -148,9 +146,9 @@ class Process:
             RuntimeError: The function failed otherwise; its traceback is in the log.
         """
         number = self._ask(Call(function, arguments, reports=progress is not None))
-        end_s = None if longest_s is None else time.monotonic() + longest_s
+        end_s = None if longest_s is None else runtime.monotonic() + longest_s
         while True:
-            answer = self._receive(number, None if end_s is None else end_s - time.monotonic())
+            answer = self._receive(number, None if end_s is None else end_s - runtime.monotonic())
             if answer.kind == Answer.PROGRESS:
                 assert progress is not None
                 progress(*NUMBER.unpack(answer.content))
@@ -168,7 +166,7 @@ class Process:
         while answer.kind != Answer.END:
             if answer.content:
                 yield answer.content
-            self._send(Frame(number, Question.NEXT, NUMBER.pack(time.monotonic() + _FOR_LONG_S)))
+            self._send(Frame(number, Question.NEXT, NUMBER.pack(runtime.monotonic() + _FOR_LONG_S)))
             answer = self._receive(number)
 
     def kill(self) -> None:
@@ -197,23 +195,21 @@ class Process:
             self._questions.flush()
 
     def _receive(self, number: int, longest_s: float | None = None) -> Frame:
-        end_s = None if longest_s is None else time.monotonic() + longest_s
-        with selectors.DefaultSelector() as selector:
-            selector.register(self._answers, selectors.EVENT_READ)
-            while True:
-                if (frame := self._received_frame()) is None:
-                    self._read(selector, end_s)
-                elif frame.number == number:
-                    if frame.kind == Answer.ERROR:
-                        raise unpacked_error(frame.content)
-                    return frame
+        end_s = None if longest_s is None else runtime.monotonic() + longest_s
+        while True:
+            if (frame := self._received_frame()) is None:
+                self._read(end_s)
+            elif frame.number == number:
+                if frame.kind == Answer.ERROR:
+                    raise unpacked_error(frame.content)
+                return frame
 
-    def _read(self, selector: selectors.BaseSelector, end_s: float | None) -> None:
-        while not selector.select(LOOK_EVERY_S):
+    def _read(self, end_s: float | None) -> None:
+        while (more := runtime.read(self._answers, LOOK_EVERY_S)) is None:
             check_patience("what was asked for")
-            if end_s is not None and time.monotonic() >= end_s:
+            if end_s is not None and runtime.monotonic() >= end_s:
                 raise NoAnswer
-        if not (more := os.read(self._answers.fileno(), 1 << 20)):
+        if not more:
             raise NoAnswer
         self._received += more
 
@@ -277,7 +273,7 @@ class _Kept:
     def __init__(self, idle_s: float) -> None:
         self._limits = Limits(idle_s=idle_s)
         self.process: Process | None = None
-        self._one = threading.Lock()
+        self._one = runtime.lock()
         self._ended = False
 
     def ask(self, function: str, question: object) -> Any:
@@ -288,11 +284,11 @@ class _Kept:
             OSError: It cannot be started.
         """
         with self._one:
-            end_s = time.monotonic() + LONGEST_S
+            end_s = runtime.monotonic() + LONGEST_S
             for _ in range(_ATTEMPTS):
                 try:
                     process = self._running()
-                    return process.call(function, question, longest_s=max(end_s - time.monotonic(), 0.0))
+                    return process.call(function, question, longest_s=max(end_s - runtime.monotonic(), 0.0))
                 except NoAnswer:
                     self._close()
         raise NoAnswer
@@ -333,7 +329,7 @@ class Processes:
     def __init__(self, idle_s: float = IDLE_S) -> None:
         self._idle_s = idle_s
         self._kept: dict[str, _Kept] = {}
-        self._adding = threading.Lock()
+        self._adding = runtime.lock()
 
     def ask(self, function: str, question: object, what: str) -> Any:
         """The answer of a function, a JSON value.

@@ -7,7 +7,7 @@ from typing import Annotated, Any, Literal
 from pydantic import Field
 from typing_extensions import TypeAliasType
 
-from grabberd.documents.document import Document, JobProblem, JsonObject, with_examples
+from grabberd.documents.document import Document, JobProblem, JsonObject, Next, with_examples
 from grabberd.documents.requests import CaptureName
 from grabberd_liner.profiles.documents import ProfileUse
 
@@ -96,9 +96,10 @@ class AnalysisRow(AnalysisRecord):
 
 
 class AnalysisList(Document):
-    """A capture's analyses, newest first."""
+    """A page of a capture's analyses, newest first."""
 
     analyses: list[AnalysisRow]
+    next: str | None = Next
 
 
 class AnalysisPreparation(Document):

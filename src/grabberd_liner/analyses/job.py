@@ -27,16 +27,15 @@ from grabberd_liner.analyses.documents import (
 )
 from grabberd_liner.analyses.store import DOCUMENT, PAGE, RECORD, AnalysisStore
 from grabberd_liner.profiles.documents import ProfileUse
-from grabberd_liner.profiles.profile_text import plain_name
-from grabberd_liner.profiles.profiles import FoundProfiles
+from grabberd_liner.profiles.profiles import FoundProfiles, plain_name
 
 if TYPE_CHECKING:
     from grabberd.core.reconstruction import Points
     from grabberd_liner.analyses.source import AnalysisSource
     from grabberd_liner.chain.analysis.analyse import Analysis
-    from grabberd_liner.chain.analysis.field_points import FieldPoints
     from grabberd_liner.chain.analysis.profile_inputs import Profile, ResolvedInputs, Subject
     from grabberd_liner.chain.analysis.tables import AnalysisTables
+    from grabberd_liner.chain.analysis.wall_state import FieldPoints
 
 
 def resolved_inputs(given: JsonObject, found: FoundProfiles | None, subject: "Subject") -> "ResolvedInputs":
@@ -50,11 +49,7 @@ def resolved_inputs(given: JsonObject, found: FoundProfiles | None, subject: "Su
     Raises:
         InputError: Profiles contradict the capture.
     """
-    from grabberd_liner.chain.analysis.profile_inputs import (
-        Profile,
-        ResolvedInputs,
-        resolve,
-    )
+    from grabberd_liner.chain.analysis.profile_inputs import Profile, ResolvedInputs, resolve
 
     if found is None:
         return ResolvedInputs(dict(given))
@@ -198,10 +193,10 @@ def analyse_file(
     )
     from grabberd_liner.analysis.grid import Grid
     from grabberd_liner.chain.analysis.analyse import analyse
-    from grabberd_liner.chain.analysis.field_points import averaged_fields
     from grabberd_liner.chain.analysis.inputs import read_inputs
     from grabberd_liner.chain.analysis.profile_inputs import Subject
     from grabberd_liner.chain.analysis.tables import tables
+    from grabberd_liner.chain.analysis.wall_state import averaged_fields
 
     recorded = frozenset() if profiles is None else recorded_quantities(path)
     # Only the wall's equilibrium can use the rays of a single view.
@@ -250,7 +245,7 @@ def analyse_file(
 def _mean_points(path: Path, captures: "Sequence[AnalysisSource]") -> "Points":
     """The points of a capture of the still wall, averaged over all of its fields."""
     from grabberd_liner.analyses.source import check_same_model, read_source
-    from grabberd_liner.chain.analysis.field_points import averaged_fields
+    from grabberd_liner.chain.analysis.wall_state import averaged_fields
 
     source = read_source(path, None, False)
     check_same_model([*captures, source])

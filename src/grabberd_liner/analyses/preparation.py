@@ -40,10 +40,7 @@ def prepared(path: Path, job: AnalysisJob) -> AnalysisPreparation:
         GrabberdError: The capture cannot be read, or was not measured with an object model.
     """
     from grabberd_liner.analyses.job import resolved_inputs  # noqa: PLC0415
-    from grabberd_liner.analyses.source import (  # noqa: PLC0415
-        read_origin,
-        recorded_quantities,
-    )
+    from grabberd_liner.analyses.source import read_origin, recorded_quantities  # noqa: PLC0415
     from grabberd_liner.analysis.grid import Grid  # noqa: PLC0415
     from grabberd_liner.chain.analysis.profile_inputs import Subject  # noqa: PLC0415
 

@@ -3,6 +3,7 @@
 With routers of their own: analyses of several captures, and the latest pulsation rate before a device.
 """
 
+from functools import partial
 from typing import Annotated
 
 from fastapi import APIRouter, Path, Query, Request, Response, status
@@ -19,9 +20,13 @@ from grabberd.server.api.routes.dependencies import (
     PROBLEMS,
     REPORT_HEADERS,
     CaptureId,
+    Cursor,
     DeviceName,
+    Limit,
     ServiceOf,
     accepted,
+    by_number,
+    page_of,
 )
 from grabberd.server.daemon.service import Service
 from grabberd_liner.analyses.documents import (
@@ -37,8 +42,6 @@ from grabberd_liner.analyses.preparation import prepare_in_process
 from grabberd_liner.analyses.store import (
     DOCUMENT,
     RECORD,
-    analysis_list,
-    analysis_row,
     pulsation_document,
     read_map,
     report_page,
@@ -87,10 +90,15 @@ def prepare_analysis(
 
 @router.get("/{capture_id}/analyses", summary="List a capture's analyses")
 @reads
-def list_analyses(capture_id: CaptureId, service: ServiceOf) -> AnalysisList:
-    """The analyses with their inputs and a summary of their results, newest first."""
+def list_analyses(
+    capture_id: CaptureId, service: ServiceOf, limit: Limit = 100, cursor: Cursor = None
+) -> AnalysisList:
+    """The analyses with their inputs and a summary of their results, newest first, page by page."""
     service.archive.document(capture_id)
-    return analysis_list(liner_of(service).analyses, capture_id)
+    analyses = liner_of(service).analyses
+    row = partial(analyses.row, capture_id)
+    page, following = page_of(analyses.numbers(capture_id), by_number, row, limit, cursor)
+    return AnalysisList(analyses=page, next=following)
 
 
 @router.get(
@@ -166,8 +174,8 @@ def get_analysis_table(
     describes every column. The file name says so if the analysis has outdated pressures.
     """
     path = liner_of(service).analyses.file(capture_id, number, f"{table}.csv")
-    row = analysis_row(liner_of(service).analyses, capture_id, number)
-    mark = "-outdated-pressure" if row is not None and row.outdated_pressure else ""
+    outdated = liner_of(service).analyses.row(capture_id, number).outdated_pressure
+    mark = "-outdated-pressure" if outdated else ""
     name = f"{capture_id}-analysis-{number}-{table}{mark}.csv"
     return FileResponse(path, media_type="text/csv", filename=name, headers={"Cache-Control": IMMUTABLE})
 

@@ -19,11 +19,11 @@ from grabberd.core.reconstruction import ObjectModel
 from grabberd.documents.document import JsonObject
 from grabberd.errors import InputError, NotReady
 from grabberd_liner.analysis.pulsation.movement import TimedPoints
+from grabberd_liner.analysis.vacuum.light_clock import FoundLight, find_light, logged_light
 from grabberd_liner.analysis.vacuum.vacuum import ChannelCurve
 from grabberd_liner.analysis.vacuum.vacuum_log import read_vacuum_log
-from grabberd_liner.chain.analysis.field_points import FieldPoints
 from grabberd_liner.chain.analysis.inputs import BY_LIGHT, CHAMBERS, CHANNEL
-from grabberd_liner.chain.light_clock import FoundLight, find_light, logged_light
+from grabberd_liner.chain.analysis.wall_state import FieldPoints
 
 _LONGEST_REASON = 200
 _LEAST_LIGHT = 10
@@ -74,7 +74,9 @@ def read_source(path: Path, run: int | None, single: bool) -> AnalysisSource:
         setup, problem = _setup(path, info) if single else (None, None)
         if setup is not None:
             points_of = {n: points for n, (_, points) in timed.items()}
-            for n, images in single_view_images(reader.received(), points_of, setup):
+            for n, images in single_view_images(
+                reader.received(), points_of, setup, lambda _: reader.marks_before()
+            ):
                 timed[n] = timed[n][0], replace(points_of[n], single=images)
         fields = [
             FieldPoints(n, TimedPoints((time_ns - first_ns) / 1e9, points))

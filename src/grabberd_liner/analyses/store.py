@@ -7,24 +7,56 @@ its record.
     CAPTURE/N/NAME.csv      every table
 
 A folder is written under another name and renamed, so it exists whole or not at all.
+
+Results on disk: a folder each, written under another name and renamed, so whole or not there at all.
 """
 
 import json
 import shutil
 import zlib
-from collections.abc import Collection, Iterable, Mapping, Sequence
-from contextlib import suppress
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from grabberd.errors import ExtraMissing, NotFound
+from pydantic import ValidationError
+
+from grabberd import runtime
+from grabberd.errors import ExtraMissing, NotFound, said
 from grabberd.files.checked_file import Check, checked_file, write_text
-from grabberd.files.disk import storage_errors, sync_directory
-from grabberd_liner.analyses.documents import AnalysisList, AnalysisRow, PulsationDocument, is_outdated
-from grabberd_liner.result_folders import ResultFolders
+from grabberd.files.disk import clear_scratch, scratch_folder, storage_errors, sync_directory
+from grabberd_liner.analyses.documents import AnalysisRow, PulsationDocument, is_outdated
 
 if TYPE_CHECKING:
     from grabberd_liner.chain.analysis.analysis_document import TargetMap
+
+
+class ResultFolders:
+    """A folder of results; any thread and process may read, one at a time may add."""
+
+    def __init__(self, directory: Path) -> None:
+        self.directory = directory
+
+    def open(self) -> None:
+        """Creates the folder, and removes what a crash left unfinished.
+
+        Raises:
+            StorageError: It cannot be written.
+        """
+        clear_scratch(self.directory)
+
+    @contextmanager
+    def scratch(self) -> Iterator[Path]:
+        """A folder to write a result into, removed afterwards unless it was published.
+
+        What a killed program left of another one is removed first.
+
+        Raises:
+            StorageError: It cannot be made.
+        """
+        clear_scratch(self.directory)
+        with scratch_folder(self.directory) as scratch:
+            yield scratch
 
 
 RECORD, DOCUMENT, PAGE = "record.json", "report.json", "report.html"
@@ -43,7 +75,7 @@ class AnalysisStore(ResultFolders):
         with storage_errors(home):
             home.mkdir(exist_ok=True)
             number = max(self.numbers(capture_id), default=0) + 1
-            made.rename(home / str(number))
+            runtime.rename(made, home / str(number))
             for folder in (home, self.directory):
                 sync_directory(folder)
         return number
@@ -63,9 +95,21 @@ class AnalysisStore(ResultFolders):
         home = self.directory / capture_id
         return sorted(int(path.name) for path in home.glob("*") if path.name.isdigit())
 
-    def records(self, capture_id: str) -> list[dict[str, Any]]:
-        """Records of a capture's analyses, newest first; of a damaged one its number and problem."""
-        return [self._record(capture_id, number) for number in reversed(self.numbers(capture_id))]
+    def records(self, capture_id: str) -> Iterator[dict[str, Any]]:
+        """Records of a capture's analyses, newest first, one at a time: one may hold a whole vacuum log. Of a
+        damaged one its number and problem.
+        """
+        return (self._record(capture_id, number) for number in reversed(self.numbers(capture_id)))
+
+    def row(self, capture_id: str, number: int) -> AnalysisRow:
+        """An analysis as it is listed; of a damaged one only its number and problem."""
+        try:
+            row = AnalysisRow.model_validate(self._record(capture_id, number))
+        except ValidationError as error:
+            problem = f"{RECORD} cannot be read: {said(error.errors()[0]['msg'])}"
+            return AnalysisRow.model_validate({"analysis": number, "problem": problem})
+        outdated = is_outdated(row.pressure_method, _asked_for_pressure(row))
+        return row.model_copy(update={"outdated_pressure": outdated})
 
     def record(self, capture_id: str, number: int) -> dict[str, Any]:
         """Record of an analysis as it was stored.
@@ -192,25 +236,6 @@ _FOR_PRESSURE = frozenset({"reference", "material", "vacuum", "sought_kpa"})
 """Inputs without which no analysis ever had a pressure."""
 
 
-def analysis_list(analyses: AnalysisStore, capture_id: str) -> AnalysisList:
-    """A capture's analyses, newest first."""
-    rows = [AnalysisRow.model_validate(record) for record in analyses.records(capture_id)]
-    return AnalysisList(
-        analyses=[
-            row.model_copy(
-                update={"outdated_pressure": is_outdated(row.pressure_method, _asked_for_pressure(row))}
-            )
-            for row in rows
-        ]
-    )
-
-
-def analysis_row(analyses: AnalysisStore, capture_id: str, number: int) -> AnalysisRow | None:
-    """One analysis of a capture as it is listed; None where there is none of that number."""
-    rows = analysis_list(analyses, capture_id).analyses
-    return next((row for row in rows if row.analysis == number), None)
-
-
 def report_page(analyses: AnalysisStore, capture_id: str, number: int) -> bytes:
     """The report of an analysis as HTML; one with outdated pressures says so at its top.
 
@@ -218,16 +243,16 @@ def report_page(analyses: AnalysisStore, capture_id: str, number: int) -> bytes:
         NotFound: there is no such analysis, or its report could not be drawn.
         ExtraMissing: what draws the report was not installed when the analysis was made.
     """
-    row = analysis_row(analyses, capture_id, number)
-    if row is not None and row.missing_extra:
+    row = analyses.row(capture_id, number)
+    if row.missing_extra:
         raise ExtraMissing("the report of an analysis", row.missing_extra)
-    if row is not None and row.page_problem:
+    if row.page_problem:
         raise NotFound(
             f"the report of analysis {number} could not be drawn: {row.page_problem}",
             "its numbers are available: leave /report off the address",
         )
     page = analyses.file(capture_id, number, PAGE).read_bytes()
-    if row is None or not row.outdated_pressure:
+    if not row.outdated_pressure:
         return page
     # What draws the notice is needed for these pages alone, and the daemon starts without it.
     from grabberd_liner.analyses.report import marked_outdated  # noqa: PLC0415

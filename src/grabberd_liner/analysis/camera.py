@@ -13,9 +13,9 @@ from typing import NamedTuple
 
 import numpy as np
 
+from grabberd.core.arrays import Array, Indices, Mask
 from grabberd.core.geometry import Calibration, LocalField, View, project, rays, rotation_angles
 from grabberd_liner.analysis.surface.surface import Mesh, Surface
-from grabberd_liner.arrays import Array, Indices, Mask
 
 _STEPS = 4
 """A local field changes by far less than a tenth of a pixel per pixel: each step gains at least one digit."""

@@ -9,6 +9,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy.special import chdtrc
 
+from grabberd.core.arrays import Array
 from grabberd_liner.analysis.mixed_model import (
     Contrast,
     Fit,
@@ -19,7 +20,6 @@ from grabberd_liner.analysis.mixed_model import (
     identifiable,
     levels_of,
 )
-from grabberd_liner.arrays import Array
 
 
 class ScatterCheck(NamedTuple):
@@ -75,7 +75,7 @@ class Comparison(NamedTuple):
         replicates: number of independent values after averaging by unit.
         differences: of every two groups.
         paired: True if differences are those within blocks.
-        between_sigma: standard deviation between blocks; NaN without them or if none can be told.
+        between_sigma: standard deviation between blocks; NaN without them or if it cannot be estimated.
         within_sigma: standard deviation between replicates, within blocks; NaN if there is only one each.
         check: scatter of the captures against their own σ.
     """

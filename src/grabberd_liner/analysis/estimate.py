@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from grabberd_liner.arrays import Array
+from grabberd.core.arrays import Array
 
 
 class Estimate(NamedTuple):

@@ -7,10 +7,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from grabberd.core.arrays import Array, Indices
 from grabberd.core.reconstruction import ObjectModel
 from grabberd.errors import AnalysisError
 from grabberd_liner.analysis.surface.jets import ORDERS, Jets, index
-from grabberd_liner.arrays import Array, Indices
 
 # Curvature needs three points in each direction.
 _LEAST = 3

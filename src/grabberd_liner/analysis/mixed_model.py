@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from scipy.linalg import LinAlgError, cho_factor, cho_solve
 from scipy.special import stdtr, stdtrit
 
-from grabberd_liner.arrays import Array, Mask
+from grabberd.core.arrays import Array, Mask
 
 Levels = NDArray[np.int64]
 
@@ -90,7 +90,7 @@ class Contrast(NamedTuple):
     Attributes:
         value: what it is.
         sigma: one standard deviation, by the scatter of the observations and by what they share.
-        common: part of `sigma` that is shared, which no number of observations lessens.
+        common: part of `sigma` that is shared, which averaging over observations does not reduce.
         dof: degrees of freedom of `sigma` after Welch and Satterthwaite, `common` counting as known; NaN
             where there is no scatter to judge by: then `sigma` is that of the measurements alone.
         by_sigma: True if the measurements' own σ decides, since the scatter is smaller, or there is none.

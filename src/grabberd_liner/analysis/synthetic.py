@@ -10,12 +10,12 @@ from typing import NamedTuple
 
 import numpy as np
 
+from grabberd.core.arrays import Array, Indices, Mask
 from grabberd.core.field import PROGRESSIVE, Field
 from grabberd.errors import AnalysisError
 from grabberd_liner.analysis.camera import Camera, Hits, Raster, cast, nearest
 from grabberd_liner.analysis.estimate import Estimate
 from grabberd_liner.analysis.surface.surface import Mesh, Surface
-from grabberd_liner.arrays import Array, Indices, Mask
 
 _HIDDEN_MM = 1.0
 """A point is hidden from a camera if the mesh in the nearest pixel is nearer by more than this."""

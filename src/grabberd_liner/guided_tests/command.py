@@ -181,8 +181,7 @@ def _finder(
     """Function that finds the labels of a capture, and the profiles that they name."""
     from grabberd_liner.profiles.access import labels_of_file  # noqa: PLC0415
     from grabberd_liner.profiles.documents import ProfileDocument  # noqa: PLC0415
-    from grabberd_liner.profiles.profile_text import plain_name  # noqa: PLC0415
-    from grabberd_liner.profiles.profiles import KINDS, FoundProfiles  # noqa: PLC0415
+    from grabberd_liner.profiles.profiles import KINDS, FoundProfiles, plain_name  # noqa: PLC0415
 
     in_use = {(row["kind"], row["name"]) for row in profiles.rows(None, retired=False)}
 

@@ -2,7 +2,7 @@
 
 from pydantic import Field
 
-from grabberd.documents.document import JsonObject
+from grabberd.documents.document import JsonObject, assembled
 from grabberd.documents.requests import CaptureName
 from grabberd.work.job_spec import JobContext, JobSpec, Progress, portion
 from grabberd_liner.analyses.job import SOURCE
@@ -76,6 +76,4 @@ class LinerTestJob(JobSpec):
         return self._result(context.job, document)
 
     def _result(self, test: str, document: LinerTestDocument) -> LinerTestResult:
-        return LinerTestResult(
-            test=test, kind=document.kind, verdict=document.verdict, analyses=document.analyses
-        )
+        return assembled(LinerTestResult, document, test=test)

@@ -6,6 +6,7 @@ from functools import lru_cache
 
 from grabberd.archive.catalogue.archive import Archive
 from grabberd.documents.captures import CaptureDocument
+from grabberd.documents.document import assembled
 from grabberd.documents.enums import JobState
 from grabberd.documents.jobs import JobDocument
 from grabberd.errors import Conflict, GrabberdError, InputError, StorageError
@@ -20,8 +21,7 @@ from grabberd_liner.guided_tests.documents import (
 from grabberd_liner.guided_tests.job import LinerTestJob
 from grabberd_liner.guided_tests.store import LinerTestStore
 from grabberd_liner.profiles.documents import ProfileDocument
-from grabberd_liner.profiles.profile_text import plain_name
-from grabberd_liner.profiles.profiles import Profiles
+from grabberd_liner.profiles.profiles import Profiles, plain_name
 
 log = logging.getLogger(__name__)
 
@@ -51,11 +51,10 @@ class LinerTests:
         # A test never changes, and a list is asked for again and again.
         self._row = lru_cache(REMEMBERED)(self._read)
 
-    def rows(self, kind: str | None = None, liner: str | None = None) -> list[LinerTestRow]:
-        """The tests, newest first; with a kind or a liner those of them alone."""
-        name = None if liner is None else plain_name(liner)
-        rows = (self._row(test_id) for test_id in self.store.ids())
-        return [one for one in rows if kind in (None, one.kind) and name in (None, _named(one.liner))]
+    def row(self, test_id: str, kind: str | None = None, liner: str | None = None) -> LinerTestRow | None:
+        """A test as it is listed; with a kind or a liner None if it is of another one."""
+        row, name = self._row(test_id), _named(liner)
+        return row if kind in (None, row.kind) and name in (None, _named(row.liner)) else None
 
     def job(self, wanted: LinerTestRequest) -> LinerTestJob:
         """The declaration of a test that is asked for by hand.
@@ -145,16 +144,8 @@ class LinerTests:
 
 
 def _row_of(test_id: str, document: LinerTestDocument) -> LinerTestRow:
-    return LinerTestRow(
-        id=test_id,
-        kind=document.kind,
-        liner=document.liner,
-        captures=[one.id for one in document.captures],
-        created_utc=document.created_utc,
-        verdict=document.verdict,
-        quantities=document.quantities,
-        offers=document.offer is not None,
-    )
+    captures, offers = [one.id for one in document.captures], document.offer is not None
+    return assembled(LinerTestRow, document, id=test_id, captures=captures, offers=offers)
 
 
 def _named(liner: str | None) -> str | None:

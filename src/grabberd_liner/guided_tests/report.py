@@ -29,7 +29,7 @@ _VERDICTS = {
 
 
 class CheckRow(NamedTuple):
-    """A check: value with ± σ and unit, empty where it is no number."""
+    """A check: value with ± σ and unit, empty without a numeric result."""
 
     title: str
     verdict: str

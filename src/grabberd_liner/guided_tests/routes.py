@@ -1,5 +1,6 @@
 """Guided tests of liners: their recipes, made of captures, read, and their offers accepted."""
 
+from functools import partial
 from typing import Annotated
 
 from fastapi import APIRouter, Path, Query, Request, Response, status
@@ -24,7 +25,6 @@ from grabberd_liner.guided_tests.documents import (
     LinerTestKind,
     LinerTestList,
     LinerTestRequest,
-    LinerTestRow,
     RecipeDocument,
     RecipeList,
 )
@@ -49,7 +49,9 @@ def list_tests(
     cursor: Cursor = None,
 ) -> LinerTestList:
     """The tests with their verdicts and quantities, newest first, page by page."""
-    page, following = page_of(liner_of(service).liner_tests.rows(kind, liner), _by_number, limit, cursor)
+    tests = liner_of(service).liner_tests
+    row = partial(tests.row, kind=kind, liner=liner)
+    page, following = page_of(tests.store.ids(), _by_number, row, limit, cursor)
     return LinerTestList(tests=page, next=following)
 
 
@@ -87,7 +89,7 @@ def list_recipes() -> RecipeList:
 def get_test(test_id: TestId, service: ServiceOf, if_none_match: IfNoneMatch = None) -> Response:
     """The checks of a test with their reasons, its quantities, and its offer to the liner's profile."""
     store = liner_of(service).liner_tests.store
-    store.document(test_id)  # 507 for a damaged one, in place of what is no document
+    store.document(test_id)  # 507 for a damaged one instead of an invalid document
     content = store.file(test_id, DOCUMENT).read_bytes()
     return tagged(content, "application/json", if_none_match, IMMUTABLE)
 
@@ -113,6 +115,6 @@ def accept_offer(test_id: TestId, service: ServiceOf) -> ProfileDocument:
     return liner_of(service).liner_tests.accept(test_id)
 
 
-def _by_number(test: LinerTestRow) -> tuple[str, str]:
+def _by_number(test_id: str) -> tuple[str, str]:
     """Place in the list: the id is that of a job, whose numbers grow."""
-    return test.id.removeprefix("job-").zfill(12), test.id
+    return test_id.removeprefix("job-").zfill(12), test_id

@@ -11,17 +11,11 @@ from grabberd import __version__
 from grabberd.archive.calibrations.calibration_catalog import verdict_of
 from grabberd.clock import SystemClock, iso_utc
 from grabberd.core.geometry.document_reader import finite
-from grabberd.documents.document import JsonObject
+from grabberd.documents.document import JsonObject, assembled
 from grabberd.errors import GrabberdError, InputError
 from grabberd.files.checked_file import write_text
 from grabberd.work.job_spec import Progress, portion
-from grabberd_liner.analyses.job import (
-    AnalysisOptions,
-    AnalysisOutput,
-    analyse_file,
-    drawn,
-    write_stored,
-)
+from grabberd_liner.analyses.job import AnalysisOptions, AnalysisOutput, analyse_file, drawn, write_stored
 from grabberd_liner.analyses.source import capture_origin, recorded_quantities
 from grabberd_liner.analyses.store import AnalysisStore
 from grabberd_liner.analysis.estimate import Finding
@@ -41,7 +35,7 @@ from grabberd_liner.guided_tests.documents import (
 )
 from grabberd_liner.guided_tests.report import liner_test_html
 from grabberd_liner.guided_tests.store import DOCUMENT, PAGE
-from grabberd_liner.profiles.profile_text import changes_in_words
+from grabberd_liner.profiles.changes import changes_in_words
 from grabberd_liner.profiles.profiles import FoundProfiles
 
 _MOST_POINTS = 400
@@ -100,17 +94,8 @@ def _check(one: Check) -> TestCheck:
 
 
 def _quantity(one: Finding) -> TestQuantity:
-    return TestQuantity(
-        name=one.quantity.name,
-        title=one.quantity.title,
-        definition=one.quantity.definition,
-        unit=one.quantity.unit,
-        value=finite(one.value),
-        sigma=finite(one.sigma),
-        sigma_common=finite(one.common),
-        verdict=one.verdict,
-        reason=one.reason,
-    )
+    found = {"value": finite(one.value), "sigma": finite(one.sigma), "sigma_common": finite(one.common)}
+    return assembled(TestQuantity, one, one.quantity, **found)
 
 
 def _curve(one: Curve) -> TestCurve:

@@ -8,11 +8,12 @@ A folder is written under another name and renamed, so it exists whole or not at
 import re
 from pathlib import Path
 
+from grabberd import runtime
 from grabberd.errors import NotFound, StorageError
 from grabberd.files.disk import storage_errors, sync_directory
-from grabberd.files.json_value import read_json
+from grabberd.files.documents import read_json
+from grabberd_liner.analyses.store import ResultFolders
 from grabberd_liner.guided_tests.documents import LinerTestDocument
-from grabberd_liner.result_folders import ResultFolders
 
 DOCUMENT, PAGE = "test.json", "test.html"
 _ID = re.compile(r"[0-9A-Za-z_-]{1,80}")
@@ -30,7 +31,7 @@ class LinerTestStore(ResultFolders):
         """
         home = self.directory / test_id
         with storage_errors(home):
-            made.rename(home)
+            runtime.rename(made, home)
             sync_directory(self.directory)
 
     def ids(self) -> list[str]:

@@ -1,17 +1,14 @@
 """Profiles as the commands reach them: in a state directory, or through a daemon."""
 
 from pathlib import Path
-from typing import Any
 from urllib.parse import quote
 
 from grabberd.cli.options import load
 from grabberd.client.daemon import Daemon
-from grabberd_liner.profiles.profile_text import plain_name, write_profile
-from grabberd_liner.profiles.profiles import KINDS, Profiles
+from grabberd.documents.document import JsonObject
+from grabberd_liner.profiles.profiles import KINDS, Profiles, plain_name, write_profile
 
-JsonObject = dict[str, Any]
 PROFILES = "/api/v1/profiles"
-_PAGE = 500
 _CHECKED_WITHIN_S = 120.0
 """Time for an answer: a busy daemon starts a process that checks a profile, and fields come first."""
 
@@ -24,7 +21,8 @@ class LocalProfiles:
 
     def rows(self, kind: str | None, retired: bool) -> list[JsonObject]:
         """The newest version of each profile."""
-        return [one.model_dump(mode="json") for one in self._profiles.rows(kind, retired=retired)]
+        heads = self._profiles.heads(kind, retired=retired)
+        return [self._row(one.kind, one.name, one.version) for one in heads]
 
     def get(self, kind: str, name: str, version: int | None) -> JsonObject:
         """A version of a profile, the newest by default."""
@@ -32,7 +30,7 @@ class LocalProfiles:
 
     def versions(self, kind: str, name: str) -> list[JsonObject]:
         """All versions of a profile, the newest first."""
-        return [one.model_dump(mode="json") for one in self._profiles.versions(kind, name).versions]
+        return [self._row(kind, name, one) for one in self._profiles.versions(kind, name)]
 
     def put(self, document: JsonObject) -> tuple[JsonObject, bool]:
         """Stores a profile's next version; returns the newest one, and whether it is new."""
@@ -43,6 +41,9 @@ class LocalProfiles:
         """Takes a profile out of use."""
         return self._profiles.retire(kind, name).model_dump(mode="json")
 
+    def _row(self, kind: str, name: str, version: int) -> JsonObject:
+        return self._profiles.row(kind, name, version).model_dump(mode="json")
+
 
 class DaemonProfiles:
     """The profiles of a running daemon, which may be on another computer."""
@@ -52,14 +53,9 @@ class DaemonProfiles:
 
     def rows(self, kind: str | None, retired: bool) -> list[JsonObject]:
         """The newest version of each profile."""
-        query = f"?limit={_PAGE}&retired={str(retired).lower()}" + (f"&kind={kind}" if kind else "")
-        rows, cursor = [], ""
-        while True:
-            page = self._daemon.ask(f"{PROFILES}{query}{cursor}")
-            rows += page["profiles"]
-            if page["next"] is None:
-                return sorted(rows, key=lambda row: (row["kind"], row["name"]))
-            cursor = f"&cursor={quote(page['next'], safe='')}"
+        query = [("retired", str(retired).lower()), *([("kind", kind)] if kind else [])]
+        rows = self._daemon.rows(PROFILES, "profiles", *query, timeout_s=_CHECKED_WITHIN_S)
+        return sorted(rows, key=lambda row: (row["kind"], row["name"]))
 
     def get(self, kind: str, name: str, version: int | None) -> JsonObject:
         """A version of a profile, the newest by default."""
@@ -67,7 +63,8 @@ class DaemonProfiles:
 
     def versions(self, kind: str, name: str) -> list[JsonObject]:
         """All versions of a profile, the newest first."""
-        return self._asked(f"{_address(kind, name)}/versions")["versions"]
+        address = f"{_address(kind, name)}/versions"
+        return list(self._daemon.rows(address, "versions", timeout_s=_CHECKED_WITHIN_S))
 
     def put(self, document: JsonObject) -> tuple[JsonObject, bool]:
         """Stores a profile's next version; returns the newest one, and whether it is new."""
@@ -106,7 +103,7 @@ def local_profiles(config: Path | None) -> Profiles:
     Raises:
         StorageError: They cannot be used.
     """
-    from grabberd.archive.state.state_backups import STATE, StateBackups  # noqa: PLC0415
+    from grabberd.archive.state.state_keeper import STATE, StateBackups  # noqa: PLC0415
     from grabberd_liner.chain.analysis.profile_inputs import quantity_problems  # noqa: PLC0415 - heavy
 
     directory = load(config).state_directory
@@ -124,8 +121,8 @@ def labels_of_file(capture: Path, config: Path | None) -> dict[str, str]:
         StorageError: The state cannot be read.
     """
     from grabberd.archive.capture.reader import CaptureReader  # noqa: PLC0415
-    from grabberd.archive.state.state_backups import STATE  # noqa: PLC0415
     from grabberd.archive.state.state_database import AnnotationStore  # noqa: PLC0415
+    from grabberd.archive.state.state_keeper import STATE  # noqa: PLC0415
 
     with CaptureReader(capture) as reader:
         meta = reader.meta

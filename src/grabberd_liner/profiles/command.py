@@ -206,7 +206,7 @@ def history(
 
     Example: grabberd profile history liner A
     """
-    from grabberd_liner.profiles.profile_text import changes_in_words  # noqa: PLC0415
+    from grabberd_liner.profiles.changes import changes_in_words  # noqa: PLC0415
 
     access = _access(config, url, token_file)
     rows = access.versions(kind, name)
@@ -237,7 +237,7 @@ def _read(file: Path) -> dict[str, Any]:
         InputError: It cannot be read, or is no YAML.
     """
     from grabberd.bounded_documents import read_text  # noqa: PLC0415
-    from grabberd_liner.profiles.profile_text import read_profile  # noqa: PLC0415
+    from grabberd_liner.profiles.profiles import read_profile  # noqa: PLC0415
 
     try:
         return read_profile(read_text(file))
@@ -256,7 +256,7 @@ def _checked(folder: Path) -> list[dict[str, Any]]:
         InputError: There are none, or some cannot be used; the message lists the problems of all files.
     """
     from grabberd_liner.chain.analysis.profile_inputs import quantity_problems  # noqa: PLC0415
-    from grabberd_liner.profiles.profile_text import checked_profile  # noqa: PLC0415
+    from grabberd_liner.profiles.profiles import checked_profile  # noqa: PLC0415
 
     files = sorted([*folder.glob("*.yaml"), *folder.glob("*.yml")])
     if not files:

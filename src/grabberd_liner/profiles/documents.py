@@ -225,9 +225,10 @@ class ProfileList(Document):
 
 
 class ProfileVersions(Document):
-    """All versions of a profile, newest first."""
+    """A page of the versions of a profile, newest first."""
 
     versions: list[ProfileRow]
+    next: str | None = Next
 
 
 class ProfileDocument(ProfileRow):

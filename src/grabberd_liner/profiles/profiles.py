@@ -1,21 +1,138 @@
 """The profiles of a state directory, as commands, HTTP and jobs use them: versions in `state.sqlite` are
 added and read, and none is ever changed or removed.
+
+Profiles as people write and read them: YAML text into a checked document and back, changes in words.
+
+A daemon has the quantities of a profile checked in a process of its own: what reads them would stay in it.
 """
 
 import hashlib
 import json
 import sqlite3
 from collections.abc import Callable, Mapping, Sequence
+from functools import cache
 from pathlib import Path
+from textwrap import shorten
 from typing import Any, NamedTuple
+from unicodedata import normalize
+
+from pydantic import TypeAdapter, ValidationError
 
 from grabberd.archive.state.state_database import StateDatabase
+from grabberd.bounded_documents import as_written, parse_yaml, yaml_text
 from grabberd.clock import SystemClock, UtcClock, iso_utc
 from grabberd.documents.document import JsonObject
 from grabberd.errors import Conflict, InputError, NotFound, StorageError
-from grabberd.files.json_value import read_json
-from grabberd_liner.profiles.documents import ProfileDocument, ProfileRow, ProfileVersions
-from grabberd_liner.profiles.profile_text import QuantityCheck, checked_profile, plain_name, write_profile
+from grabberd.files.documents import read_json
+from grabberd.work.process import Processes
+from grabberd_liner.profiles.documents import ProfileContent, ProfileDocument, ProfileRow
+
+QuantityCheck = Callable[[JsonObject], list[str]]
+"""Finds the problems of a profile's quantities, each as a sentence with its key."""
+_HINT = "docs/howto/profiles.md describes every key; configs/profiles has an example of each kind"
+_NAMES = "a name has at most 64 letters, digits, blanks, '.', '_' and '-', and begins with a letter or digit"
+_SHOWN = 100
+
+
+def read_profile(text: str) -> JsonObject:
+    """The document in a profile's YAML text, unchecked.
+
+    Raises:
+        InputError: It is no YAML, or has no keys.
+    """
+    try:
+        document = parse_yaml(text)
+    except ValueError as error:
+        raise InputError(f"the profile cannot be read: {' '.join(str(error).split())}", _HINT) from error
+    if not isinstance(document, dict):
+        raise InputError(f"the profile has no keys: it is {str(document)[:_SHOWN]!r}", _HINT)
+    return document
+
+
+def write_profile(content: Mapping[str, Any]) -> str:
+    """A profile's content as YAML text, which `read_profile` reads back."""
+    return yaml_text(dict(content), width=100)
+
+
+def checked_profile(document: Mapping[str, Any], check: QuantityCheck) -> JsonObject:
+    """A profile's content: what the document says, without keys that say nothing.
+
+    Args:
+        document: The document.
+        check: Finds what is wrong with the quantities in it.
+
+    Raises:
+        InputError: It is no profile, or has impossible values; the message lists every problem.
+    """
+    problems, content = _of_form(document)
+    problems += check(content or dict(document))
+    if problems or content is None:
+        name = document.get("name")
+        of = f" {name!r}"[:_SHOWN] if isinstance(name, str) else ""
+        raise InputError(f"the profile{of} cannot be used: {'; '.join(problems)}", _HINT)
+    return content
+
+
+def plain_name(name: str) -> str:
+    """A name or the value of a label as profiles are looked up by: letters with their marks in one character.
+
+    Tablets differ in how they send the letters of other languages than English.
+    """
+    return normalize("NFC", name)
+
+
+@cache
+def _reader() -> TypeAdapter[Any]:
+    return TypeAdapter(ProfileContent)
+
+
+def _of_form(document: Mapping[str, Any]) -> tuple[list[str], JsonObject | None]:
+    """Problems of keys, types and simple limits, and the content if there are none."""
+    name = document.get("name")
+    document = {**document, "name": plain_name(name)} if isinstance(name, str) else document
+    try:
+        profile = as_written(document, _reader().validate_python)
+    except ValidationError as error:
+        return [_in_words(one, document) for one in error.errors()], None
+    except ValueError as error:
+        return [str(error)], None
+    content: JsonObject = profile.model_dump(mode="json", exclude_defaults=True)
+    # In the sequence in which people read it; both have no default.
+    return [], {"kind": content.pop("kind"), **content}
+
+
+def _in_words(error: Any, document: Mapping[str, Any]) -> str:
+    place = [one for at, one in enumerate(error["loc"]) if at or one != document.get("kind")]
+    where = ".".join(str(one) for one in place)
+    if error["type"].startswith("union_tag"):
+        return f"kind: is {document.get('kind')!r}, expected liner, pulsator, cup or cow"
+    if error["type"] == "missing":
+        return f"{where}: is missing"
+    if error["type"] == "extra_forbidden":
+        return f"{where}: unknown key"
+    if error["type"] == "value_error":
+        return f"{where}: {error['ctx']['error']}"
+    shown = shorten(repr(error["input"]), _SHOWN, placeholder=" …")
+    said = _NAMES if error["type"] == "string_pattern_mismatch" else error["msg"]
+    return f"{where}: {said[0].lower()}{said[1:]}; it is {shown}"
+
+
+PROBLEMS = "grabberd_liner.chain.analysis.profile_inputs:quantity_problems"
+_CHECKED = frozenset({"material", "obtained", "analysis", "pulsation", "liner"})
+"""Keys under which there are such quantities."""
+
+
+def problems_in_process(processes: Processes, content: JsonObject) -> list[str]:
+    """Problems of the quantities in a profile's document.
+
+    Raises:
+        StorageError: The process cannot be started, or does not answer in time.
+    """
+    if not _CHECKED & content.keys():
+        return []
+    # Dates and the like, which YAML knows and JSON does not, are refused as texts as well.
+    return processes.ask(PROBLEMS, content, "checks profiles")
+
 
 LARGEST_BYTES = 64 << 10
 """Bytes of a profile; a liner with a zone for each of 60 rows has half of it."""
@@ -70,6 +187,22 @@ class StoredProfile(NamedTuple):
         return read_json(self.text)
 
 
+class ProfileHead(NamedTuple):
+    """The newest version of a profile without its content, as in `StoredProfile`."""
+
+    kind: str
+    name: str
+    version: int
+    created_utc: str
+    sha256: str
+    retired_utc: str | None
+
+    @property
+    def place(self) -> tuple[str, str]:
+        """Its place in a list; a name may have letters that no cursor has."""
+        return self.created_utc, self.sha256
+
+
 class ProfileStore(StateDatabase):
     """The profiles in `state.sqlite`. Times are ISO 8601 UTC in one format: they sort as text."""
 
@@ -119,34 +252,36 @@ class ProfileStore(StateDatabase):
         """
         found = self.find(kind, name, version)
         if found is None:
-            known = [one.version for one in self.versions(kind, name)]
             raise NotFound(
                 f"the {kind} profile {name} has no version {version}",
-                f"it has the versions 1 to {known[0]}",
+                f"it has the versions 1 to {self.newest(kind, name)}",
             )
         return found
 
-    def versions(self, kind: str, name: str) -> Sequence[StoredProfile]:
-        """All versions of a profile, the newest first.
+    def newest(self, kind: str, name: str) -> int:
+        """Number of a profile's newest version; there is every one from 1 on.
 
         Raises:
             NotFound: There is no such profile.
         """
-        rows = self.execute(f"{_OF_ONE} ORDER BY version DESC", kind, name)
-        if not rows:
+        query = "SELECT max(version) FROM profiles WHERE kind = ? AND name = ?"
+        newest: int | None = self.execute(query, kind, name)[0][0]
+        if newest is None:
             raise NotFound(
                 f"there is no {kind} profile {name!r}", "grabberd profile list shows those there are"
             )
-        return [StoredProfile(*row) for row in rows]
+        return newest
 
-    def list(self, kind: str | None = None) -> Sequence[StoredProfile]:
+    def heads(self, kind: str | None = None) -> Sequence[ProfileHead]:
         """The newest version of each profile, retired ones included, by kind and name."""
         query = (
-            f"SELECT {_COLUMNS} FROM profiles WHERE (?1 IS NULL OR kind = ?1) AND version = "  # noqa: S608
+            "SELECT kind, name, version, created_utc, sha256, "
+            "(SELECT retired_utc FROM retired_profiles AS retired WHERE retired.kind = profiles.kind "
+            "AND retired.name = profiles.name) FROM profiles WHERE (?1 IS NULL OR kind = ?1) AND version = "
             "(SELECT max(version) FROM profiles AS others WHERE others.kind = profiles.kind "
             "AND others.name = profiles.name) ORDER BY kind, name"
         )
-        return [StoredProfile(*row) for row in self.execute(query, kind)]
+        return [ProfileHead(*row) for row in self.execute(query, kind)]
 
     def retire(self, kind: str, name: str, now_utc: str) -> StoredProfile:
         """Takes a profile out of use; safe twice. Its versions stay.
@@ -244,13 +379,21 @@ class Profiles:
         """
         self._store.open()
 
-    def rows(
+    def heads(
         self, kind: str | None = None, *, name: str | None = None, retired: bool = False
-    ) -> list[ProfileRow]:
+    ) -> list[ProfileHead]:
         """The newest version of each profile, by kind and name; retired ones only if wanted."""
         named = None if name is None else plain_name(name)
-        rows = [one for one in self._store.list(kind) if named is None or one.name == named]
-        return [_row(one) for one in rows if retired or one.retired_utc is None]
+        heads = [one for one in self._store.heads(kind) if named is None or one.name == named]
+        return [one for one in heads if retired or one.retired_utc is None]
+
+    def row(self, kind: str, name: str, version: int) -> ProfileRow:
+        """A version of a profile as it is listed.
+
+        Raises:
+            NotFound: There is none.
+        """
+        return _row(self._store.get(kind, plain_name(name), version))
 
     def get(self, kind: str, name: str, version: int | None = None) -> ProfileDocument:
         """A version of a profile, the newest by default.
@@ -261,13 +404,13 @@ class Profiles:
         """
         return _document(self._store.get(kind, plain_name(name), version))
 
-    def versions(self, kind: str, name: str) -> ProfileVersions:
-        """All versions of a profile, the newest first.
+    def versions(self, kind: str, name: str) -> range:
+        """Numbers of a profile's versions, the newest first.
 
         Raises:
             NotFound: There is no such profile.
         """
-        return ProfileVersions(versions=[_row(one) for one in self._store.versions(kind, plain_name(name))])
+        return range(self._store.newest(kind, plain_name(name)), 0, -1)
 
     def put(self, document: JsonObject, *, after: int | None = None) -> Stored:
         """Stores a profile's next version, unless its content is that of the newest.

@@ -1,5 +1,6 @@
 """Profiles of liners, pulsators, cups and cows: list, read, store by versions, retire."""
 
+from functools import partial
 from typing import Annotated
 from urllib.parse import quote
 
@@ -8,7 +9,14 @@ from fastapi import APIRouter, Path, Query, Request, Response, status
 from grabberd.documents.document import JsonObject
 from grabberd.errors import InputError
 from grabberd.server.api.idempotency import TAKES_KEY, OnceRoute
-from grabberd.server.api.routes.dependencies import PROBLEMS, Cursor, Limit, ServiceOf, page_of
+from grabberd.server.api.routes.dependencies import (
+    PROBLEMS,
+    Cursor,
+    Limit,
+    ServiceOf,
+    by_number,
+    page_of,
+)
 from grabberd_liner.part import liner_of
 from grabberd_liner.profiles.documents import (
     NAME_PATTERN,
@@ -16,11 +24,9 @@ from grabberd_liner.profiles.documents import (
     ProfileKind,
     ProfileList,
     ProfileRequest,
-    ProfileRow,
     ProfileVersions,
 )
-from grabberd_liner.profiles.profile_text import read_profile
-from grabberd_liner.profiles.profiles import check_name
+from grabberd_liner.profiles.profiles import check_name, read_profile
 
 router = APIRouter(prefix="/profiles", tags=["profiles"], responses=PROBLEMS, route_class=OnceRoute)
 
@@ -42,8 +48,15 @@ def list_profiles(
     cursor: Cursor = None,
 ) -> ProfileList:
     """The newest version of each profile, the latest change first, page by page."""
-    rows = liner_of(service).profiles.rows(kind, name=name, retired=retired)
-    page, following = page_of(rows, _position, limit, cursor)
+    profiles = liner_of(service).profiles
+    heads = profiles.heads(kind, name=name, retired=retired)
+    page, following = page_of(
+        heads,
+        lambda head: head.place,
+        lambda head: profiles.row(head.kind, head.name, head.version),
+        limit,
+        cursor,
+    )
     return ProfileList(profiles=page, next=following)
 
 
@@ -95,9 +108,14 @@ def retire_profile(kind: Kind, name: Name, service: ServiceOf) -> ProfileDocumen
 
 
 @router.get("/{kind}/{name}/versions", summary="List a profile's versions")
-def list_profile_versions(kind: Kind, name: Name, service: ServiceOf) -> ProfileVersions:
-    """All versions of a profile, newest first."""
-    return liner_of(service).profiles.versions(kind, name)
+def list_profile_versions(
+    kind: Kind, name: Name, service: ServiceOf, limit: Limit = 100, cursor: Cursor = None
+) -> ProfileVersions:
+    """The versions of a profile, newest first, page by page."""
+    profiles = liner_of(service).profiles
+    row = partial(profiles.row, kind, name)
+    page, following = page_of(profiles.versions(kind, name), by_number, row, limit, cursor)
+    return ProfileVersions(versions=page, next=following)
 
 
 @router.get("/{kind}/{name}/versions/{version}", summary="Get a version of a profile")
@@ -120,7 +138,3 @@ def _document(new: ProfileRequest) -> JsonObject:
 def _address(request: Request, document: ProfileDocument) -> str:
     # A header has ASCII alone, a name any letters.
     return quote(str(request.url_for("get_profile", kind=document.kind, name=document.name)), safe=":/[]")
-
-
-def _position(row: ProfileRow) -> tuple[str, str]:
-    return row.created_utc, row.sha256  # a name may have letters that no cursor has

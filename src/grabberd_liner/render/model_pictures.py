@@ -7,6 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from grabberd.core.arrays import Array
 from grabberd.core.reconstruction import ObjectModel, Points
 from grabberd.errors import AnalysisError
 from grabberd_liner.analysis.grid import Grid
@@ -14,7 +15,6 @@ from grabberd_liner.analysis.surface.fitting import choose_smoothing, fit_surfac
 from grabberd_liner.analysis.surface.smoothing import Smoothing
 from grabberd_liner.analysis.surface.surface import Mesh, Surface, middles
 from grabberd_liner.analysis.wall.strain import curvature_per_m, outer_forms, outer_strain
-from grabberd_liner.arrays import Array
 from grabberd_liner.render.wire_model import Box, Look, Painted, Scale, wire_model
 
 _SPREAD = 12

@@ -5,13 +5,13 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from grabberd.core.arrays import Array
 from grabberd.core.field import Field, double_lines
 from grabberd.core.geometry import Calibration
 from grabberd.errors import AnalysisError
 from grabberd_liner.analysis.camera import Camera, Raster
 from grabberd_liner.analysis.surface.surface import Mesh, Surface
 from grabberd_liner.analysis.synthetic import Agreement, SyntheticView, agreement, synthetic_view
-from grabberd_liner.arrays import Array
 
 Picture = NDArray[np.uint8]
 

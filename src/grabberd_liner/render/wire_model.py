@@ -10,9 +10,9 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from grabberd.core.arrays import Array, Indices, Mask
 from grabberd_liner.analysis.camera import viewing_axes
 from grabberd_liner.analysis.surface.surface import PER_PITCH, Mesh
-from grabberd_liner.arrays import Array, Indices, Mask
 
 Colour = tuple[float, float, float]
 """Blue, green, red, 0 to 255."""

@@ -5,8 +5,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from grabberd.core.arrays import Array
 from grabberd.reports.notation import DASH, fixed, measured
-from grabberd_liner.arrays import Array
 
 
 class Spread(NamedTuple):

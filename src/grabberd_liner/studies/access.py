@@ -3,21 +3,19 @@
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
-from urllib.parse import quote, urlencode
+from urllib.parse import quote
 
 from pydantic import BaseModel
 
 from grabberd.cli.options import load
-from grabberd.client.daemon import Daemon
+from grabberd.client.daemon import CAPTURES, Daemon
+from grabberd.documents.document import JsonObject
 from grabberd.errors import GrabberdError, NotReady
 from grabberd_liner.analyses.documents import AnalysisRow, QuantityDocument
 from grabberd_liner.chain.study.study import DEVICE, Studied, unanalysed
 from grabberd_liner.profiles.documents import ProfileUse
-from grabberd_liner.studies.captures import Listed, LocalArchive, StudyArchive
-from grabberd_liner.studies.selection import SINCE, UNTIL, Selection
+from grabberd_liner.studies.captures import SINCE, UNTIL, Listed, LocalArchive, Selection, StudyArchive
 
-JsonObject = dict[str, Any]
-CAPTURES = "/api/v1/captures"
 _PAGE = 200
 _LISTED_WITHIN_S = 60.0
 """Time for a page of captures: the daemon may have to open every file of it for the first time."""
@@ -31,26 +29,19 @@ class DaemonArchive:
 
     def captures(self, selection: Selection) -> Iterator[Listed]:
         """The captures of the device and time that the selection asks for, page by page."""
-        query: dict[str, Any] = {"limit": _PAGE}
-        query |= {key: value for key in (DEVICE, SINCE, UNTIL) if (value := selection.single(key))}
-        while True:
-            page = self._daemon.ask(f"{CAPTURES}?{urlencode(query)}", timeout_s=_LISTED_WITHIN_S)
-            for capture in page["captures"]:
-                yield _listed(capture)
-            if page["next"] is None:
-                return
-            query["cursor"] = page["next"]
+        query = [(key, value) for key in (DEVICE, SINCE, UNTIL) if (value := selection.single(key))]
+        found = self._daemon.rows(CAPTURES, "captures", *query, page=_PAGE, timeout_s=_LISTED_WITHIN_S)
+        return map(_listed, found)
 
     def verdict(self, capture: Studied) -> str:
         """The verdict, which the list had."""
         return capture.verdict
 
-    def analyses(self, capture_id: str) -> list[AnalysisRow]:
-        """A capture's analyses, newest first."""
-        rows = self._daemon.ask(
-            f"{CAPTURES}/{quote(capture_id, safe='')}/analyses", timeout_s=_LISTED_WITHIN_S
-        )
-        return [_row(one) for one in rows["analyses"]]
+    def newest_analysis(self, capture_id: str) -> AnalysisRow | None:
+        """A capture's newest analysis; None if it has none."""
+        address = f"{CAPTURES}/{quote(capture_id, safe='')}/analyses?limit=1"
+        rows = self._daemon.ask(address, timeout_s=_LISTED_WITHIN_S)["analyses"]
+        return _row(rows[0]) if rows else None
 
     def report(self, capture_id: str, analysis: str) -> Any:
         """The report of an analysis as a document; None if the daemon has none."""

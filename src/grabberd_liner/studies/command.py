@@ -13,11 +13,11 @@ from grabberd.errors import ExtraMissing
 
 if TYPE_CHECKING:
     from grabberd_liner.chain.study.study import LeftOut, Studied
-    from grabberd_liner.studies.selection import Selection
+    from grabberd_liner.studies.captures import Selection
 
 DOCUMENT, PAGE = "study.json", "report.html"
 _MOST_REASONS = 8
-"""Reasons that are told on the terminal; all are in the report."""
+"""Reasons that are printed on the terminal; all are in the report."""
 
 
 def study(  # noqa: PLR0913, PLR0917 - options of a command
@@ -81,7 +81,7 @@ def study(  # noqa: PLR0913, PLR0917 - options of a command
     from grabberd.files.disk import results_folder  # noqa: PLC0415
     from grabberd_liner.analyses.export import TABLE_FORMATS, check_formats  # noqa: PLC0415
     from grabberd_liner.chain.study.study import StudyQuestion  # noqa: PLC0415
-    from grabberd_liner.studies.selection import Selection  # noqa: PLC0415
+    from grabberd_liner.studies.captures import Selection  # noqa: PLC0415
 
     wanted = _names(formats)
     check_formats(wanted, TABLE_FORMATS, "a study")
@@ -107,10 +107,7 @@ def _captures(
 ) -> "tuple[list[Studied], list[LeftOut]]":
     """The captures of the selection: those in folders, or else those of the archive."""
     from grabberd_liner.studies.access import study_archive  # noqa: PLC0415
-    from grabberd_liner.studies.captures import (  # noqa: PLC0415
-        captures_of_archive,
-        captures_of_folders,
-    )
+    from grabberd_liner.studies.captures import captures_of_archive, captures_of_folders  # noqa: PLC0415
 
     if not selection.folders:
         return captures_of_archive(study_archive(config, url, token_file), selection, progress)
@@ -131,8 +128,7 @@ def _written(
     from grabberd.clock import SystemClock, iso_utc  # noqa: PLC0415
     from grabberd_liner.analyses.export import write_tables  # noqa: PLC0415
     from grabberd_liner.chain.study.study import make_study  # noqa: PLC0415
-    from grabberd_liner.chain.study.study_document import study_document  # noqa: PLC0415
-    from grabberd_liner.chain.study.tables import tables  # noqa: PLC0415
+    from grabberd_liner.chain.study.study_document import study_document, tables  # noqa: PLC0415
 
     with progress_bar("comparing") as progress:
         made = make_study(question, captures, left_out, progress)
@@ -159,11 +155,7 @@ def _report(out: Path, document: Mapping[str, Any]) -> list[Path]:
 
 
 def _show(document: Mapping[str, Any]) -> None:
-    from grabberd_liner.studies.report import (  # noqa: PLC0415
-        answer,
-        remarks,
-        trend_answer,
-    )
+    from grabberd_liner.studies.report import answer, remarks, trend_answer  # noqa: PLC0415
 
     over = document["question"]["over"]
     groups = (

@@ -3,6 +3,7 @@
 from pathlib import Path
 
 import pytest
+from calibrators import listed
 from several import service_of
 
 from grabberd.server.daemon.service import Service
@@ -21,7 +22,7 @@ def service(tmp_path: Path) -> Service:
 
 
 def active(service: Service) -> set[tuple[str, str]]:
-    return {(row.id, row.device) for row in service.active.rows() if row.active}
+    return {(row.id, row.device) for row in listed(service) if row.active}
 
 
 def test_what_one_measures_with_is_active_for_that_one_alone(service: Service) -> None:

@@ -8,8 +8,7 @@ from contextlib import closing
 import pytest
 
 from archive.captures import MADE_WITH, ledger_of, points, slots, write
-from grabberd.archive.capture.groups import MOST_FIELDS
-from grabberd.archive.capture.point_table import GROUPED
+from grabberd.archive.capture.groups import GROUPED, MOST_FIELDS
 from grabberd.archive.capture.reader import CaptureReader
 from grabberd.archive.capture.runs import append_run
 from grabberd.archive.capture.schema import connect
@@ -145,7 +144,7 @@ def test_a_run_is_seen_when_it_is_whole_and_others_read_while_it_is_copied(tmp_p
     monkeypatch.setattr(
         "grabberd.archive.capture.runs.point_table", lambda _: GROUPED._replace(rows_a_commit=1)
     )
-    monkeypatch.setattr("grabberd.archive.capture.runs.time.sleep", look)
+    monkeypatch.setattr("grabberd.archive.capture.runs.runtime.sleep", look)
     append_run(path, "measure", "", "", {}, ((n, points(n)) for n in range(2 * MOST_FIELDS)))
     assert seen == [(1, [0, 1, 2, 3])] * 3
     with CaptureReader(path) as reader:

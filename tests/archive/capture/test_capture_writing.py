@@ -1,5 +1,6 @@
 """A capture file while it is written, sealed, and when the disk is full."""
 
+import sqlite3
 import threading
 
 import pytest
@@ -11,6 +12,7 @@ from grabberd.archive.capture.writer import CaptureWriter
 from grabberd.archive.guarded_database import JOURNAL
 from grabberd.core.ledger import Ledger, LedgerEntry, Outcome
 from grabberd.errors import StorageError
+from grabberd.files import disk
 
 # --- while it is being written ---
 
@@ -158,3 +160,33 @@ def test_a_driver_with_much_to_say_keeps_no_capture_from_being_sealed(writer):
 def test_a_folder_that_is_not_there_is_told(tmp_path):
     with pytest.raises(StorageError, match="cannot be written"):
         CaptureWriter.create(tmp_path / "nowhere" / "x.grab.part", meta())
+
+
+def failing(monkeypatch, beginning):
+    """The disk refuses statements of this beginning."""
+
+    class Failing(disk.HeldConnection):
+        def execute(self, statement, *values):
+            self.refuse(statement)
+            return super().execute(statement, *values)
+
+        def executemany(self, statement, *values):
+            self.refuse(statement)
+            return super().executemany(statement, *values)
+
+        def refuse(self, statement):
+            if statement.startswith(beginning):
+                raise sqlite3.OperationalError("disk I/O error")
+
+    monkeypatch.setattr(disk, "HeldConnection", Failing)
+
+
+@pytest.mark.parametrize(
+    "beginning", ["PRAGMA journal_mode", "INSERT INTO reserve", "INSERT OR REPLACE INTO meta", "COMMIT"]
+)
+def test_a_capture_that_cannot_begin_leaves_no_file(tmp_path, monkeypatch, beginning):
+    """Nobody would seal it, and the next start would take it for one that a crash has cut off."""
+    failing(monkeypatch, beginning)
+    with pytest.raises(StorageError):
+        CaptureWriter.create(tmp_path / "liner.grab.part", meta())
+    assert list(tmp_path.iterdir()) == []

@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 
 from archive.captures import packed, points
 from archive.first_format import encode_field
-from grabberd.archive.capture.codec import POINT, decode_field, decode_points, encode_points
+from grabberd.archive.capture.encodings import POINT, decode_field, decode_field_points, encode_field_points
 from grabberd.core.field import BIT_DEPTHS, Field, quantise
 from grabberd.core.reconstruction.points import Points
 
@@ -92,7 +92,7 @@ def test_what_compressed_bytes_claim_or_hold_takes_no_memory(bomb):
     tracemalloc.start()
     try:
         with pytest.raises(ValueError, match="damaged"):
-            (partial(decode_points, packed_zeros, 100) if bomb == "points" else read)()
+            (partial(decode_field_points, packed_zeros, 100) if bomb == "points" else read)()
         assert tracemalloc.get_traced_memory()[1] < 10 << 20
     finally:
         tracemalloc.stop()
@@ -112,25 +112,25 @@ def _bomb(compressor):
 @pytest.mark.parametrize("count", [-1, 1 << 40, None, "7", 2.5])
 def test_a_number_of_points_that_no_field_has_is_damage(count):
     with pytest.raises(ValueError, match="a field of"):
-        decode_points(encode_points(points(1, 2)), count)
+        decode_field_points(encode_field_points(points(1, 2)), count)
 
 
 @pytest.mark.parametrize(("count", "word"), [(1, "more"), (3, "fewer")])
 def test_more_or_fewer_points_than_expected_are_damage(count, word):
     with pytest.raises(ValueError, match=f"damaged points: damaged zlib data: {word} bytes"):
-        decode_points(encode_points(points(1, 2)), count)
+        decode_field_points(encode_field_points(points(1, 2)), count)
 
 
 def test_places_come_back_bit_for_bit():
     one = points(1, 108)
-    back = decode_points(encode_points(one), len(one))
+    back = decode_field_points(encode_field_points(one), len(one))
     assert back.xyz_mm.tobytes() == one.xyz_mm.tobytes()
     np.testing.assert_array_equal(back.target, one.target)
 
 
 def test_what_is_kept_in_single_precision_is_close():
     one = points(2, 50)
-    back = decode_points(encode_points(one), len(one))
+    back = decode_field_points(encode_field_points(one), len(one))
     np.testing.assert_allclose(back.residual_px, one.residual_px, rtol=1e-6)
     np.testing.assert_allclose(back.image_px, one.image_px, rtol=1e-6)
     np.testing.assert_allclose(back.covariance_mm2, one.covariance_mm2, rtol=1e-6, atol=1e-12)
@@ -140,19 +140,19 @@ def test_what_is_kept_in_single_precision_is_close():
 
 
 def test_no_points_come_back_as_no_points():
-    back = decode_points(encode_points(Points.none()), 0)
+    back = decode_field_points(encode_field_points(Points.none()), 0)
     assert len(back) == 0
     assert back.covariance_mm2.shape == (0, 3, 3)
 
 
 def test_damaged_points_are_refused():
     with pytest.raises(ValueError, match="damaged points"):
-        decode_points(b"nonsense", 1)
+        decode_field_points(b"nonsense", 1)
 
 
 def test_anybody_can_read_the_records_with_struct():
     one = points(3, 4)
-    raw = zlib.decompress(encode_points(one))
+    raw = zlib.decompress(encode_field_points(one))
     record = struct.Struct("<i3d6f6f4ff")
     assert record.size == POINT.itemsize
     rows = list(record.iter_unpack(raw))

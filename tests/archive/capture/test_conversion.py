@@ -13,8 +13,8 @@ from archive.first_format import write_first_format
 from grabberd.archive.capture import conversion
 from grabberd.archive.capture.content_digest import content_sha256
 from grabberd.archive.capture.conversion import convert
+from grabberd.archive.capture.encodings import quantised
 from grabberd.archive.capture.meta import read_conversion
-from grabberd.archive.capture.point_codec import quantised
 from grabberd.archive.capture.reader import CaptureReader
 from grabberd.archive.capture.runs import append_run
 from grabberd.archive.capture.schema import connect, format_of

@@ -208,7 +208,7 @@ def test_a_journal_goes_aside_with_its_file(tmp_path):
     assert not journal.exists()
 
 
-def test_a_file_that_breaks_while_it_is_sealed_is_set_aside(part):
+def test_a_file_that_breaks_while_it_is_sealed_is_set_aside_and_what_is_whole_is_saved(part):
     connection = sqlite3.connect(part)
     page = connection.execute("SELECT rootpage FROM sqlite_schema WHERE name = 'reserve'").fetchone()[0]
     size = connection.execute("PRAGMA page_size").fetchone()[0]
@@ -216,7 +216,10 @@ def test_a_file_that_breaks_while_it_is_sealed_is_set_aside(part):
     with part.open("r+b") as file:
         file.seek((page - 1) * size)
         file.write(b"\xff" * size)
-    assert recover(part).parent.name == "damaged"
+    path = recover(part)
+    assert (part.parent / "damaged" / part.name).exists()
+    with CaptureReader(path) as reader:
+        assert [field.numbered.n for field in reader.fields()] == [*range(30), 33]
 
 
 def test_a_later_versions_file_is_left_alone(tmp_path):

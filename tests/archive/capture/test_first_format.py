@@ -10,7 +10,7 @@ from archive.capture.test_conversion import NOW, points_of
 from archive.captures import computed_points, same_field, slot
 from grabberd.archive.capture.conversion import convert
 from grabberd.archive.capture.crash_recovery import recover
-from grabberd.archive.capture.point_codec import quantised
+from grabberd.archive.capture.encodings import quantised
 from grabberd.archive.capture.reader import CaptureReader
 from grabberd.archive.capture.runs import append_run
 from grabberd.archive.capture.verification import verify

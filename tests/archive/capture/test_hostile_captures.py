@@ -9,7 +9,7 @@ from contextlib import closing, suppress
 import pytest
 
 from archive.captures import slots, write
-from grabberd.archive.capture.checked_rows import some_rows
+from grabberd.archive.capture.digests import some_rows
 from grabberd.archive.capture.reader import CaptureReader
 from grabberd.archive.capture.runs import append_run
 from grabberd.archive.capture.schema import TABLES
@@ -84,6 +84,10 @@ def test_another_schema_is_refused_before_anything_in_it_runs(changed, statement
 def test_a_large_schema_is_refused_before_it_is_read(changed):
     path = changed(*(f"CREATE TABLE t{number} (a)" for number in range(2000)))
     refused_soon(path, "schema has more than 8 entries")
+
+
+def test_another_number_of_tables_is_said_beside_the_expected_one(changed):
+    refused_soon(changed("CREATE TABLE more (data)"), "its schema has 9 entries, not 8")
 
 
 def test_the_schema_may_be_laid_out_otherwise(whole, tmp_path):

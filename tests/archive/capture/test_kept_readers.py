@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 
 from archive.captures import meta, points, slots, write
+from grabberd import runtime
 from grabberd.archive import capture_contents
 from grabberd.archive.capture import group_content
 from grabberd.archive.capture.groups import PointGroup, measured_points
@@ -241,7 +242,7 @@ def test_none_is_kept_where_no_thread_can_close_it(
         raise RuntimeError("can't start new thread")
 
     with monkeypatch.context() as full:
-        full.setattr(threading.Thread, "start", refused)
+        full.setattr(runtime.Runtime, "start", staticmethod(refused))
         reader_of(kept, capture)
     assert not is_open(capture)
     assert reader_of(kept, capture) is reader_of(kept, capture)

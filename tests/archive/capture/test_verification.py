@@ -127,11 +127,11 @@ OF_ALL = [
 ]
 OF_GROUPS = [
     ("UPDATE fields SET n = 5 WHERE n = 6", "field 6: it is not what was written"),
-    ("UPDATE fields SET n = 5 WHERE n = 6", "1 fields have no picture"),
+    ("UPDATE fields SET n = 5 WHERE n = 6", "1 field without a picture"),
     ("DELETE FROM fields WHERE n = 0", "field 0: it is not what was written"),
     ("DELETE FROM pictures WHERE first_n = 0", "field 0: it is missing"),
     ("DELETE FROM pictures WHERE first_n = 10", "field 10: it is missing"),
-    ("DELETE FROM pictures WHERE first_n = 10", "1 fields have no picture"),
+    ("DELETE FROM pictures WHERE first_n = 10", "1 field without a picture"),
     ("UPDATE pictures SET rows = rows + 1 WHERE first_n = 3", "field 3: it is not what was written"),
     ("UPDATE points SET points = 4 WHERE first_n = 3 AND run = 1", "points, field 3: it is not"),
     ("UPDATE points SET exact = 'xyz_mm' WHERE first_n = 3 AND run = 1", "points, field 3: it is not"),

@@ -5,8 +5,7 @@ from pathlib import Path
 import pytest
 
 from archive.captures import slots, write
-from grabberd.archive.catalogue.annotations import CaptureAnnotations
-from grabberd.archive.catalogue.archive import Archive
+from grabberd.archive.catalogue.archive import Archive, CaptureAnnotations
 from grabberd.archive.state.state_database import Annotation, AnnotationStore
 from grabberd.errors import Conflict, InputError, NotFound
 

@@ -9,7 +9,7 @@ from archive.captures import MADE_WITH, slots, write
 from grabberd.archive.capture.runs import append_run
 from grabberd.archive.catalogue.capture_documents import describe, whole_coverage, whole_run
 from grabberd.core.reconstruction.points import Miss
-from grabberd.documents.coverage import MissReason
+from grabberd.documents.captures import MissReason, UnexpectedReason
 
 STORED = {
     "verdict": "measured_with_gaps",
@@ -30,6 +30,7 @@ STORED = {
         "target": [5, 7],
         "expected": [100, 100],
         "misses": {"off_place": [0, 70], "no_blob_left": [0, 4]},
+        "unexpected": {"turned_away": [0, 3], "merged": [0, 0]},
         "found": [100, 26],
         "offset_mm": [[0.01, 0.39], [0.0, 0.0], [0.0, None]],
         "offset_sigma_mm": [0.02, 0.03],
@@ -56,6 +57,7 @@ def test_every_target_has_its_counts_and_its_chief_reason() -> None:
     assert (fine.reason, fine.misses, fine.in_words) == (None, {}, "")
     assert (poor.found, poor.reason) == (26, "off_place")
     assert poor.misses == {"off_place": 70, "no_blob_left": 4}
+    assert (fine.unexpected, poor.unexpected) == ({}, {"turned_away": 3})
     assert (poor.offset_x_mm, poor.offset_z_mm) == (0.39, None)
 
 
@@ -84,4 +86,13 @@ def test_a_file_that_says_nothing_of_it_has_none(tmp_path: Path, measured: list[
 
 
 def test_the_document_knows_every_reason() -> None:
-    assert set(get_args(MissReason.__value__)) == {one.key for one in Miss if one is not Miss.FOUND}
+    missed, unexpected = (set(get_args(one.__value__)) for one in (MissReason, UnexpectedReason))
+    assert missed | unexpected == {one.key for one in Miss if one is not Miss.FOUND}
+    assert not missed & unexpected
+
+
+def test_runs_of_earlier_versions_say_nothing_of_what_was_not_expected() -> None:
+    targets = {name: column for name, column in STORED["targets"].items() if name != "unexpected"}
+    document = whole_coverage({**STORED, "targets": targets})
+    assert document is not None
+    assert [one.unexpected for one in document.targets] == [{}, {}]

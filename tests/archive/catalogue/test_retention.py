@@ -15,10 +15,8 @@ from running import configuration, until
 from slots import ManualClock
 
 from archive.captures import slots, write
-from grabberd.archive.catalogue.annotations import CaptureAnnotations
-from grabberd.archive.catalogue.archive import Archive
-from grabberd.archive.catalogue.disk_guard import GB, DiskGuard
-from grabberd.archive.catalogue.retention import Candidate, Policy, Retention, removals
+from grabberd.archive.catalogue.archive import Archive, CaptureAnnotations
+from grabberd.archive.catalogue.disk_guard import GB, Candidate, DiskGuard, Policy, Retention, removals
 from grabberd.archive.state.state_database import Annotation, AnnotationStore, StateDatabase
 from grabberd.config import RetentionConfig, StorageConfig, default_config_file
 from grabberd.errors import Conflict, NotFound, StorageError

@@ -126,3 +126,24 @@ def test_a_round_that_was_broken_off_is_not_taken_for_one(barn: Barn) -> None:
     barn.scrub.stop()
     assert not barn.scrub.look()
     assert barn.started().look()
+
+
+def test_what_is_whole_of_a_capture_that_was_set_aside_is_saved_and_listed(tmp_path: Path) -> None:
+    folder = tmp_path / "captures"
+    folder.mkdir()
+    whole = write(folder, slots(400, bits=8), name="c3", id="c3", fields_a_commit=25)
+    whole.write_bytes(whole.read_bytes()[:-65536])
+    barn = Barn.__new__(Barn)
+    barn.clock, barn.faults, barn.recording = Clock(), FaultBoard(), True
+    barn.store = StateStore(folder / "state.sqlite")
+    barn.archive = Archive(folder, list)
+    barn.archive.open()
+    scrub = barn.started()
+    scrub.save_whole()
+    assert barn.archive.index.get("c3").state == "damaged", "not while somebody records"
+    barn.recording = False
+    scrub.save_whole()
+    entry = barn.archive.index.get("c3")
+    assert (entry.state, entry.verdict, entry.file) == ("sealed", "incomplete", "c3.grab")
+    assert (folder / "damaged" / "c3.grab").exists()
+    barn.archive.close()

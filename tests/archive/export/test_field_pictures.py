@@ -10,7 +10,7 @@ from archive.captures import COLUMNS, ROWS, packed, slot, slots, write
 from grabberd.archive.export.field_pictures import export_png, field_png
 from grabberd.core.field import Field, quantise, unpack
 from grabberd.core.ledger import Outcome
-from grabberd.errors import InputError, NotFound, StorageError
+from grabberd.errors import NotFound, StorageError
 
 
 def replace_packed(one, packed):
@@ -52,39 +52,15 @@ def test_a_folder_of_pictures_says_what_each_is(tmp_path):
         np.testing.assert_array_equal(luma, unpack(one.numbered.packed).luma)
 
 
-def test_intact_fields_can_be_woven_into_frames(tmp_path):
-    taken = [*slots(4, bits=8), slot(5, lost=1, bits=8), slot(6, bits=8)]
-    assert export_png(write(tmp_path, taken), tmp_path / "out", woven=True) == 4
-    rows = manifest(tmp_path / "out")
-    assert [row["file"] for row in rows] == [
-        *["frame-00000000.png"] * 2,
-        *["frame-00000002.png"] * 2,
-        "frame-00000005.png",
-        "frame-00000006.png",
-    ]
-    frame = picture((tmp_path / "out" / "frame-00000002.png").read_bytes())
-    np.testing.assert_array_equal(frame[0::2], packed(2, 8).data[0])
-    np.testing.assert_array_equal(frame[1::2], packed(3, 8).data[0])
-    alone = picture((tmp_path / "out" / "frame-00000005.png").read_bytes())
-    assert not alone[0::2].any()
-    np.testing.assert_array_equal(alone[1::2], packed(5, 8).data[0])
-
-
-def test_progressive_pictures_stay_whole_when_fields_are_woven(tmp_path):
+def test_a_progressive_picture_stays_whole(tmp_path):
     whole = Field.progressive(np.arange(ROWS * COLUMNS, dtype=np.uint8).reshape(ROWS, COLUMNS))
     taken = [replace_packed(slot(n, bits=8), quantise(whole, 8, 60)) for n in range(2)]
-    assert export_png(write(tmp_path, taken), tmp_path / "out", woven=True) == 2
+    assert export_png(write(tmp_path, taken), tmp_path / "out") == 2
     assert [(row["parity"], row["y0"], row["y_step"]) for row in manifest(tmp_path / "out")] == [
         ("2", "0", "1")
     ] * 2
-    again = picture((tmp_path / "out" / "frame-00000001.png").read_bytes())
+    again = picture((tmp_path / "out" / "field-00000001.png").read_bytes())
     np.testing.assert_array_equal(again, whole.luma)
-
-
-def test_doubled_fields_cannot_be_woven(tmp_path):
-    path = write(tmp_path, slots(2, doubled=True), lines="doubled")
-    with pytest.raises(InputError, match="doubled"):
-        export_png(path, tmp_path / "out", woven=True)
 
 
 def test_pictures_do_not_go_among_other_files(tmp_path):

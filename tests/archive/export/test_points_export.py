@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 from archive.captures import META, meta, points, slots, write
-from grabberd.archive.export.child_stream import parquet_stream
+from grabberd.archive.capture_contents import parquet_stream
 from grabberd.archive.export.points_columns import POINT_COLUMNS
 from grabberd.archive.export.points_export import (
     export_csv,

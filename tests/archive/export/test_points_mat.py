@@ -11,8 +11,8 @@ from archive.captures import MADE_WITH, META, PERIOD_NS, points, slot, slots, wr
 from archive.mat_files import by_matio
 from archive.milkings import object_document
 from archive.readings import readings, write_with_channels
+from grabberd.archive.capture_contents import mat_stream
 from grabberd.archive.export import mat_file as module
-from grabberd.archive.export.child_stream import mat_stream
 from grabberd.archive.export.mat_file import LONGEST_NAME, export_mat
 from grabberd.archive.export.points_columns import GRID_COLUMNS
 from grabberd.errors import InputError, NotFound, StorageError

@@ -8,7 +8,7 @@ import pytest
 
 from archive.captures import slot, slots, write
 from grabberd.archive.capture.reader import CaptureReader
-from grabberd.archive.export.replay_stretches import Stretch, replay_pictures, replay_points
+from grabberd.archive.export.page_documents import Stretch, replay_pictures, replay_points
 from grabberd.core.field import unpack
 from grabberd.core.ledger import Outcome
 from grabberd.errors import CaptureFileError, NotFound

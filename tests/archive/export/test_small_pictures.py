@@ -7,7 +7,7 @@ import pytest
 
 from archive.captures import slots, write
 from grabberd.archive.capture.reader import CaptureReader
-from grabberd.archive.catalogue.width_courses import width_course
+from grabberd.archive.catalogue.capture_list import width_course
 from grabberd.archive.export.field_pictures import smaller, thumbnail_png
 from grabberd.errors import NotFound
 

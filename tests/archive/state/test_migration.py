@@ -12,8 +12,8 @@ import numpy as np
 import pytest
 
 from archive.captures import points, slots, write
-from grabberd.archive.capture.codec import decode_points
 from grabberd.archive.capture.crash_recovery import recover
+from grabberd.archive.capture.encodings import decode_field_points
 from grabberd.archive.capture.reader import CaptureReader
 from grabberd.archive.capture.runs import append_run
 from grabberd.archive.export.field_pictures import export_png
@@ -25,8 +25,8 @@ from grabberd.archive.state.state_database import (
     AnnotationStore,
     StateDatabase,
     StateStore,
+    TokenStore,
 )
-from grabberd.archive.state.token_store import TokenStore
 
 CAPTURE_1 = """
 CREATE TABLE meta (key TEXT PRIMARY KEY, value TEXT NOT NULL) WITHOUT ROWID;
@@ -105,7 +105,7 @@ def test_they_are_exported_and_measured_again(tmp_path):
     assert export_png(path, tmp_path / "png") == 3
     with closing(sqlite3.connect(path)) as connection:
         count, data = connection.execute("SELECT count, data FROM points WHERE run = 1").fetchone()
-    assert decode_points(data, count).target.tolist() == [7, 9]
+    assert decode_field_points(data, count).target.tolist() == [7, 9]
 
 
 def test_one_that_was_being_recorded_at_the_update_is_sealed(tmp_path):

@@ -8,9 +8,8 @@ from datetime import UTC, datetime, timedelta
 import pytest
 
 from grabberd.archive.capture.captures_folder import ANY, CapturesFolder
-from grabberd.archive.state.state_backups import CAPTURES_FOLDER, KEPT, StateBackups, accept_state, origin_of
-from grabberd.archive.state.state_database import Annotation, AnnotationStore, StateStore
-from grabberd.archive.state.token_store import TokenStore
+from grabberd.archive.state.state_database import Annotation, AnnotationStore, StateStore, TokenStore
+from grabberd.archive.state.state_keeper import CAPTURES_FOLDER, KEPT, StateBackups, accept_state, origin_of
 from grabberd.errors import StorageError
 
 NOON = datetime(2026, 3, 1, 12, tzinfo=UTC)

@@ -9,9 +9,8 @@ import pytest
 from slots import ManualClock
 
 from grabberd.archive.access import Access
-from grabberd.archive.state.state_backups import accept_state
 from grabberd.archive.state.state_database import StateStore
-from grabberd.archive.state.state_keeper import ALWAYS_NS, StateKeeper
+from grabberd.archive.state.state_keeper import ALWAYS_NS, StateKeeper, accept_state
 from grabberd.documents.enums import Role
 from grabberd.errors import Cause, StorageError
 from grabberd.fault_board import FaultBoard

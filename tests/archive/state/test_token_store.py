@@ -7,8 +7,14 @@ from pathlib import Path
 
 import pytest
 
-from grabberd.archive.state.state_database import MIGRATIONS, StateStore
-from grabberd.archive.state.token_store import SESSIONS_A_TOKEN, Holder, TokenRow, TokenStore
+from grabberd.archive.state.state_database import (
+    MIGRATIONS,
+    SESSIONS_A_TOKEN,
+    Holder,
+    StateStore,
+    TokenRow,
+    TokenStore,
+)
 from grabberd.errors import Conflict, NotFound, StorageError
 
 NOW, LATER, END = "2026-01-01T00:00:00.000Z", "2026-01-02T00:00:00.000Z", "2026-02-01T00:00:00.000Z"

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 
 from core.geometry.rigs import aimed
-from grabberd.core.calibration import Network, Unknowns
+from grabberd.core.calibration.adjustment.network import Network, Unknowns
 from grabberd.core.geometry import View, project, rotation_angles, rotation_matrix
 
 SIGMA_PX = 0.05

@@ -1,22 +1,16 @@
 """What both views show of a calibration frame before a rig, which is never quite as it was built."""
 
 from dataclasses import dataclass, replace
-from pathlib import Path
 
 import numpy as np
-import yaml
 
+from core.shipped_models import PAPER, shipped_model
 from grabberd.core.geometry import NominalRig, View, project, rotation_angles, rotation_matrix
-from grabberd.core.reconstruction import ObjectModel
 from grabberd.errors import InputError
 
 NOMINAL = NominalRig(720, 576, (0, 360), (360, 720), 240.0, 128.0, 30.0, 8.0, 0.0086, 0.0083)
 LENS_SPREAD = np.array([0.005, 0.005, 1.5e-3, 4e-5, 5e-7, 5e-4, 5e-4, 5e-4, 5e-4])
-FRAME = ObjectModel.from_document(
-    yaml.safe_load(
-        (Path(__file__).parents[3] / "configs/calibration-frames/paper-108.yaml").read_text("utf-8")
-    )
-)
+FRAME = shipped_model(PAPER)
 
 
 @dataclass(frozen=True)

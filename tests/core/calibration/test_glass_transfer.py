@@ -5,7 +5,9 @@ import pytest
 
 from core.calibration.networks import TRUE, frame, network
 from core.geometry.rigs import calibration
-from grabberd.core.calibration import Unknowns, adjust, with_glass
+from grabberd.core.calibration.adjustment.adjustment import adjust
+from grabberd.core.calibration.adjustment.network import Unknowns
+from grabberd.core.calibration.adjustment.starting_values import with_glass
 from grabberd.core.geometry import PARAMETERS, Plate, project, project_through
 
 UPRIGHT = Plate(3.0, 1.52)

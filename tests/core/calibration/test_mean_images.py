@@ -1,24 +1,30 @@
 """Mean places of what stands still, and how well they are known."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from grabberd.core.calibration import FieldImages, mean_images
+from grabberd.core.calibration.mean_images import FieldImages, mean_images
 from grabberd.errors import MeasurementError
 
 TRUE = np.stack(np.meshgrid(np.arange(40, 320, 25.0), np.arange(60, 520, 38.0)), axis=-1).reshape(-1, 2)
 
 
-def capture(count, noise=0.05, quantised=0.0, seed=0, shown=TRUE, sigma=None, jitter=0.0):
-    """Fields of both parities by turns, each target with one error of quantisation a parity."""
+def capture(count, noise=0.05, locked=0.0, seed=0, shown=TRUE, sigma=None, jitter=0.0):
+    """Fields of both parities by turns, each target with a locked error that is partly common to both.
+
+    In x that part is as large as the one that differs in sign; in y it has .6 of its variance.
+    """
     rng = np.random.default_rng(seed)
-    fixed = rng.normal(0, 1, (2, len(shown), 2)) * quantised
-    stated = np.hypot(noise, quantised) if sigma is None else sigma
+    common, opposite = rng.normal(0, 1, (2, len(shown), 2)) * locked
+    fixed = common * np.sqrt([1 / 2, 3 / 8]), opposite * np.sqrt([1 / 2, 5 / 8])
+    stated = np.hypot(noise, locked) if sigma is None else sigma
     fields = []
     for n in range(count):
-        seen = shown + fixed[n % 2] + rng.normal(0, 1, shown.shape) * noise
+        seen = shown + fixed[0] + (-1) ** n * fixed[1] + rng.normal(0, 1, shown.shape) * noise
         seen[:, 0] += rng.normal(0, 1, len(shown)) * jitter
         fields.append(FieldImages(seen, np.full(shown.shape, stated), n % 2, jitter))
     return fields
@@ -36,15 +42,43 @@ def test_noise_is_divided_by_the_number_of_fields():
     np.testing.assert_allclose(np.median(mean.scatter_px), 0.08, rtol=0.05)
 
 
-def test_quantisation_is_divided_by_the_two_parities_only():
-    few, many = (whitened(capture(n, noise=0.02, quantised=0.14)) for n in (8, 200))
+def test_of_the_locked_error_the_part_common_to_both_parities_stays():
+    few, many = (whitened(capture(n, noise=0.02, locked=0.14)) for n in (8, 200))
     assert 0.85 < few[0] < 1.15
     assert 0.85 < many[0] < 1.15
-    assert np.median(many[1].sigma_px) == pytest.approx(0.14 / np.sqrt(2), rel=0.05)
+    np.testing.assert_allclose(np.median(many[1].sigma_px, axis=0), 0.14 * np.sqrt([1 / 2, 3 / 8]), rtol=0.1)
+
+
+@pytest.mark.parametrize("stated", [0.05, 0.1, 0.3])
+def test_it_is_told_by_the_parities_whatever_is_expected_of_a_field(stated):
+    ratio, _ = whitened(capture(32, noise=0.05, locked=0.07, sigma=stated))
+    assert 0.85 < ratio < 1.15
+
+
+def test_parities_that_agree_have_no_locked_error_though_less_scatters_than_expected():
+    ratio, mean = whitened(capture(64, noise=0.05, sigma=0.055))
+    assert 0.85 < ratio < 1.15
+    assert np.median(mean.sigma_px) == pytest.approx(0.05 / 8, rel=0.15)
+
+
+def test_of_doubled_lines_three_times_as_much_is_common_in_x():
+    plain = capture(64, noise=0.02, locked=0.1)
+    intact, doubled = (
+        mean_images([replace(one, is_doubled=kind) for one in plain]) for kind in (False, True)
+    )
+    ratio = np.median(doubled.sigma_px / intact.sigma_px, axis=0)
+    np.testing.assert_allclose(ratio, np.sqrt([3.0, 0.55]), rtol=0.05)
+
+
+def test_a_target_that_one_parity_shows_cut_off_says_nothing_of_the_others():
+    fields, cut = capture(64), TRUE.copy()
+    cut[:3] += 0.8
+    shown = [one if one.parity else other for one, other in zip(fields, capture(64, shown=cut), strict=True)]
+    np.testing.assert_allclose(mean_images(shown).sigma_px[3:], mean_images(fields).sigma_px[3:], rtol=0.1)
 
 
 def test_one_parity_alone_halves_nothing():
-    fields = [one for one in capture(100, noise=0.01, quantised=0.14) if one.parity == 0]
+    fields = [one for one in capture(100, noise=0.01, locked=0.14) if one.parity == 0]
     ratio, mean = whitened(fields)
     assert 0.85 < ratio < 1.15
     assert np.median(mean.sigma_px) == pytest.approx(0.14, rel=0.05)
@@ -58,8 +92,8 @@ def test_one_parity_alone_halves_nothing():
     st.floats(0, 0.1),
     st.integers(0),
 )
-def test_the_stated_sigma_is_the_true_one_whatever_it_is_made_of(count, noise, quantised, jitter, seed):
-    ratio, _ = whitened(capture(count, noise, quantised, seed % 1000, jitter=jitter))
+def test_the_stated_sigma_is_the_true_one_whatever_it_is_made_of(count, noise, locked, jitter, seed):
+    ratio, _ = whitened(capture(count, noise, locked, seed % 1000, jitter=jitter))
     assert 0.7 < ratio < 1.45
 
 

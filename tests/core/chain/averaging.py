@@ -3,18 +3,19 @@
 from functools import cache
 from typing import NamedTuple
 
+import cv2
 import numpy as np
-import yaml
-from tests.core.chain.leaning_scene import VIEWS, Discs, LeaningScene, Mirrors
-from tests.core.chain.pinhole_pictures import Camera
+from tests.core.chain.leaning_scene import Discs, LeaningScene, Mirrors
+from tests.core.chain.pinhole_pictures import Optics
+from tests.core.shipped_models import PAPER, shipped_model
 
-from grabberd.config.daemon import shipped_configs
 from grabberd.core.chain.accuracy import requantised
 from grabberd.core.chain.calibration.calibrate import calibrate
 from grabberd.core.chain.measure import MeasureSetup, measure_fields
 from grabberd.core.geometry import NominalRig, Rig
 from grabberd.core.measurement import LocationSettings
 from grabberd.core.reconstruction import ImageNoise, ObjectModel, ViewBlobs, intersect
+from grabberd.core.reconstruction.accuracy import WRONG_BEYOND_MM
 
 NOMINAL = NominalRig(720, 576, (0, 360), (360, 720), 240.0, 128.0, 30.0, 8.0, 0.0086, 0.0083)
 DOWN, ACROSS = 0, 1
@@ -27,10 +28,11 @@ HALF_LENGTHS = (8.5, 3.5)
 
 class Averaged(NamedTuple):
     """Single fields and the mean of all: RMS in the picture (x, y) and in space, what is stated, χ² by
-    coordinate, and how many points were not found.
+    coordinate; how many points were not found, and how many of them are another target's.
     """
 
     missed: int
+    wrong: int
     pointing_px: np.ndarray
     single_mm: float
     single_chi2: float
@@ -40,17 +42,26 @@ class Averaged(NamedTuple):
 
 
 @cache
-def calibrated(seed, uneven_px, fields=64, dim=0.55):
+def calibrated(seed, uneven_px, fields=64, dim=0.55, optics=None, poses=1, bits=8, doubled=False):
     """A calibration from pictures of the calibration frame, and the mirrors it was made behind."""
-    document = yaml.safe_load((shipped_configs() / "calibration-frames/paper-108.yaml").read_text())
-    frame, mirrors = ObjectModel.from_document(document), Mirrors(seed, uneven_px, dim)
-    off_mm = np.random.default_rng((seed, 9)).normal(0, frame.sigma_mm, frame.xyz_mm.shape)
-    scene = LeaningScene(Discs.facing(frame.xyz_mm + off_mm), mirrors)
-    made = calibrate([scene.fields(fields, seed + 1000)], NOMINAL, frame)
+    frame, mirrors = shipped_model(PAPER), Mirrors(seed, uneven_px, dim, optics or Optics())
+    rng = np.random.default_rng((seed, 9))
+    discs = Discs.facing(frame.xyz_mm + rng.normal(0, frame.sigma_mm, frame.xyz_mm.shape))
+    posed = [discs, *(discs.moved(*_pose(rng)) for _ in range(poses - 1))]
+    captures = [LeaningScene(one, mirrors).fields(fields, seed + 1000 + k) for k, one in enumerate(posed)]
+    if bits < 8:
+        captures = [requantised(one, bits, doubled=doubled) for one in captures]
+    made = calibrate(captures, NOMINAL, frame)
     return made.calibration("averaging", "2026-01-01T00:00:00+00:00", "averaging", None, {}), mirrors
 
 
-def liner(axis, seed):
+def _pose(rng):
+    """A turn by up to eight degrees about each axis, and a shift by up to 3 mm."""
+    turn, _ = cv2.Rodrigues(np.deg2rad(rng.uniform(-8, 8, 3)))
+    return turn, rng.uniform(-3, 3, 3)
+
+
+def liner(axis, seed, optics=None):
     """Discs round a liner along an axis, each a little off its place; those that both views see well."""
     angle = np.deg2rad(25.6) * np.arange(-2.5, 3)
     along = PITCH_MM * np.arange(-HALF_LENGTHS[axis], HALF_LENGTHS[axis] + 0.5)
@@ -59,16 +70,21 @@ def liner(axis, seed):
     xyz[:, axis] = along + np.random.default_rng(seed).uniform(-0.2, 0.2, len(along))
     xyz[:, 1 - axis], xyz[:, 2] = RADIUS_MM * np.sin(angle), RADIUS_MM * np.cos(angle) - 10.0
     discs = Discs.round_a_liner(xyz, axis, RADIUS_MM)
-    sights = np.array([Camera(name).center - xyz for name in VIEWS])
+    cameras = Mirrors(seed, optics=optics or Optics()).cameras
+    sights = np.array([camera.center - xyz for camera in cameras])
     facing = (sights * discs.normal).sum(axis=2) / np.linalg.norm(sights, axis=2)
     seen = (facing > np.cos(np.deg2rad(MOST_OBLIQUE_DEG))).all(axis=0)
     return Discs(xyz[seen], discs.normal[seen])
 
 
-def averaged(known, mirrors, axis, seed, fields=32, bits=8, doubled=False, **location):
-    """Measure so many fields of a liner, and compare with its truth."""
-    discs = liner(axis, seed)
-    setup = MeasureSetup(known, _model(discs.xyz_mm), location=LocationSettings(**location))
+def averaged(known, mirrors, axis, seed, **how):
+    """Measure some fields of a liner, and compare with its truth."""
+    return averaged_discs(known, mirrors, liner(axis, seed, mirrors.optics), seed, **how)
+
+
+def averaged_discs(known, mirrors, discs, seed, fields=32, bits=8, doubled=False, **location):
+    """Measure so many fields of discs at rest, and compare with their truth."""
+    setup = MeasureSetup(known, object_model(discs.xyz_mm), location=LocationSettings(**location))
     scene, pointing = LeaningScene(discs, mirrors), []
     shape = fields, len(discs.xyz_mm)
     error, own, common = (np.full((*shape, *rest), np.nan) for rest in ((3,), (3, 3), (3, 3)))
@@ -87,6 +103,7 @@ def averaged(known, mirrors, axis, seed, fields=32, bits=8, doubled=False, **loc
     stated = np.nanmean(own, axis=0) / times[..., np.newaxis] + np.nanmean(common, axis=0)
     return Averaged(
         int((~seen).sum()),
+        int((np.linalg.norm(error[seen], axis=1) > WRONG_BEYOND_MM).sum()),
         np.sqrt((np.concatenate(pointing) ** 2).mean(axis=0)),
         rms_mm(error[seen]),
         chi2(error[seen], (own + common)[seen]),
@@ -112,8 +129,8 @@ def at_exact_places(known, mirrors):
     axes = np.linspace(-45, 45, 7), np.linspace(-20, 20, 6), np.linspace(-7, 7, 3)
     xyz = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 3)
     blobs = []
-    for view, name in enumerate(VIEWS):
-        there = Camera(name).project(xyz)
+    for view, camera in enumerate(mirrors.cameras):
+        there = camera.project(xyz)
         there = there + mirrors.displaced(view, there)
         local = known.local_fields[view]
         place = there if local is None else there - local.at(there)
@@ -138,7 +155,7 @@ def chi2(error, covariance):
     return float(np.einsum("ni,nij,nj->n", error, np.linalg.inv(covariance), error).mean()) / 3
 
 
-def _model(xyz):
+def object_model(xyz):
     half_pitches = np.rint((xyz - xyz.min(axis=0)) / PITCH_MM * 2).astype(int)
     targets = [
         {"id": k + 1, "x_mm": x, "y_mm": y, "z_mm": z, "row": int(row), "column": int(column)}

@@ -10,10 +10,10 @@ from dataclasses import dataclass, replace
 from functools import cache, lru_cache
 
 import numpy as np
-import yaml
 from tests.core.chain.averaging import NOMINAL
 from tests.core.chain.fake_scene import take_scene
 
+from grabberd.bounded_documents import parse_yaml
 from grabberd.core.chain.accuracy import Investigation, InvestigationSettings, investigate, requantised
 from grabberd.core.chain.calibration.calibrate import calibrate
 from grabberd.core.chain.measure import MeasuredField, MeasureSetup, measure_fields
@@ -22,9 +22,8 @@ from grabberd.core.geometry import Calibration
 from grabberd.core.reconstruction import ObjectModel
 from grabberd.core.reconstruction.accuracy import Truth
 from grabberd_fake import FakeOptions
-from grabberd_fake.documents import calibration_document, object_document
-from grabberd_fake.ellipse_liner import EllipseLiner
-from grabberd_fake.liner import Liner, _travel
+from grabberd_fake.__main__ import calibration_document, object_document
+from grabberd_fake.liner import EllipseLiner, Liner, _travel
 from grabberd_fake.wall_states import wall_states
 from grabberd_fake.world import World
 
@@ -45,7 +44,8 @@ LAWS = {
 class Closure:
     """A pulsation: how fast it closes, how far, and what else differs from seed to seed.
 
-    Behind mirrors uneven by so many px (rms), the rig is calibrated; otherwise its calibration is exact.
+    Behind mirrors uneven by so many px (rms), the rig is calibrated; otherwise its calibration is exact. One
+    reflection a view makes its cameras left-handed.
     """
 
     seconds: float
@@ -53,6 +53,7 @@ class Closure:
     seed: int
     exposure_ms: float = 1.0
     uneven_px: float = 0.0
+    reflections: int = 2
 
     @property
     def shape(self) -> str:
@@ -67,7 +68,11 @@ class Closure:
         """The camera, its noise, and the rig; the liner is open where its object model says."""
         options = {
             "seed": self.seed,
-            "rig": {"seed": self.seed + 1, "mirror_error_px": self.uneven_px},
+            "rig": {
+                "seed": self.seed + 1,
+                "mirror_error_px": self.uneven_px,
+                "reflections": self.reflections,
+            },
             "picture": {"exposure_ms": self.exposure_ms},
         }
         if self.shape == "ellipse":
@@ -151,7 +156,7 @@ class Film:
         self.fields = [_grey(world, n) for n in range(count)]
         self._truths = [world.truth(n * FIELD_NS) for n in range(count)]
         known = closure.options
-        document = yaml.safe_load(object_document(known))
+        document = parse_yaml(object_document(known), fast=True)
         if closure.shape == "ellipse":
             document = _with_places(document, self._scene.nominal().xyz_mm)
         if closure.uneven_px:

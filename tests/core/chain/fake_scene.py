@@ -4,8 +4,8 @@ from dataclasses import dataclass, replace
 from functools import lru_cache
 
 import numpy as np
-import yaml
 
+from grabberd.bounded_documents import parse_yaml
 from grabberd.core.chain.measure import MeasureSetup, measure_fields
 from grabberd.core.field import Field, NumberedField, double_lines, quantise
 from grabberd.core.geometry import Calibration
@@ -14,7 +14,7 @@ from grabberd.core.reconstruction import ObjectModel
 from grabberd.core.reconstruction.accuracy import Coordinates, Truth
 from grabberd.core.reconstruction.points import PointSeries
 from grabberd_fake import FakeGrabber, JumpingClock, truth_at
-from grabberd_fake.documents import calibration_document, object_document
+from grabberd_fake.__main__ import calibration_document, object_document
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,7 +56,7 @@ def take_scene(count, **options):
     grabber.close()
     setup = MeasureSetup(
         calibration=Calibration.from_document(calibration_document(grabber.options)),
-        object_model=ObjectModel.from_document(yaml.safe_load(object_document(grabber.options))),
+        object_model=ObjectModel.from_document(parse_yaml(object_document(grabber.options), fast=True)),
     )
     return Scene(fields, _truth(grabber.options, [time_ns for time_ns, _ in fields]), setup)
 

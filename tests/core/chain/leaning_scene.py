@@ -6,12 +6,12 @@ line jitter.
 """
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 
 import cv2
 import numpy as np
-from tests.core.chain.pinhole_pictures import COLUMNS, FINE, HALF, LINES, WINDOW, Camera
+from tests.core.chain.pinhole_pictures import COLUMNS, FINE, HALF, LINES, WINDOW, Camera, Optics
 
 from grabberd.core.field import Field, NumberedField, quantise
 
@@ -29,11 +29,18 @@ class Mirrors:
         seed: Seed of everything below.
         uneven_px: Root mean square of the displacements, which vary over 100 to 400 px.
         dim: Least brightness of a view, in shares of the brightest; 1 where both are at full brightness.
+        optics: The lens and the arrangement before them.
     """
 
     seed: int
     uneven_px: float = 0.06
     dim: float = 0.55
+    optics: Optics = field(default_factory=Optics)
+
+    @property
+    def cameras(self):
+        """The left and the right virtual camera."""
+        return [Camera(name, optics=self.optics) for name in VIEWS]
 
     @cached_property
     def _waves(self):
@@ -71,6 +78,10 @@ class Discs:
         """Make discs that face the cameras, as those of a calibration frame do."""
         return cls(xyz_mm, np.broadcast_to((0.0, 0.0, 1.0), xyz_mm.shape))
 
+    def moved(self, turn, shift_mm):
+        """Turn them (3, 3) about the origin and shift them (3,)."""
+        return Discs(self.xyz_mm @ turn.T + shift_mm, self.normal @ turn.T, self.diameter_mm)
+
     @classmethod
     def round_a_liner(cls, xyz_mm, axis, radius_mm):
         """Make discs flat on a round liner along X (axis 0) or Y (axis 1) that passes under them."""
@@ -95,15 +106,17 @@ class LeaningScene:
     """The picture of discs behind mirrors, and where their centres truly appear.
 
     Attributes:
+        discs: The discs.
         picture: (576, 720) brightness.
         true_px: (N, 2 views, 2) frame pixels.
     """
 
     def __init__(self, discs, mirrors, spread_px=0.75):
+        self.discs = discs
         self.true_px = np.empty((len(discs.xyz_mm), 2, 2))
         self.picture = np.zeros((LINES, COLUMNS))
-        for view, name in enumerate(VIEWS):
-            camera, half = Camera(name), np.zeros((LINES, COLUMNS))
+        for view, camera in enumerate(mirrors.cameras):
+            half = np.zeros((LINES, COLUMNS))
             rims = camera.project(discs.rims_mm.reshape(-1, 3)).reshape(-1, RIM, 2)
             centre = camera.project(discs.xyz_mm)
             moved = mirrors.displaced(view, centre)

@@ -6,13 +6,13 @@ import numpy as np
 
 from grabberd.core.reconstruction import ObjectModel, Points
 from grabberd_fake import FakeOptions, truth_of_wall
-from grabberd_fake.ellipse_liner import EllipseLiner
+from grabberd_fake.liner import EllipseLiner
 from grabberd_fake.vacuum import vacuum_log
 from grabberd_liner.analysis.grid import Grid
 from grabberd_liner.analysis.pulsation.movement import TimedPoints
 from grabberd_liner.chain.analysis.analyse import analyse
-from grabberd_liner.chain.analysis.field_points import FieldPoints
 from grabberd_liner.chain.analysis.inputs import read_inputs
+from grabberd_liner.chain.analysis.wall_state import FieldPoints
 
 FIELD_S, PERIOD_S, SIGMA_MM = 0.02, 0.6, np.array([0.01, 0.01, 0.02])
 SHAPE = {"rows": 7, "columns": 5, "length_mm": 60.0, "deflection_mm": 3.0, "period_s": PERIOD_S}

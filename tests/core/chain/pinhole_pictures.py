@@ -1,6 +1,7 @@
 """Pictures that no code of this program made: OpenCV's camera model, polygons drawn and blurred."""
 
 import math
+from dataclasses import dataclass
 from pathlib import Path
 
 import cv2
@@ -9,28 +10,58 @@ import numpy as np
 COLUMNS, LINES, HALF = 720, 576, 360
 FOCAL_MM, PIXEL_MM = 7.7, (0.0086, 0.0083)
 BASE_MM, DISTANCE_MM = 122.0, 251.0
-LENS = {"left": (-0.03, 0.05, 4e-4, -3e-4, 0.0), "right": (-0.02, 0.02, -3e-4, 5e-4, 0.0)}
+LENS = (-0.03, 0.05, 4e-4, -3e-4, 0.0), (-0.02, 0.02, -3e-4, 5e-4, 0.0)
 PRINCIPAL_PX = (352.0, 291.0)
 FINE = 16
 WINDOW = 24
 
 
+@dataclass(frozen=True)
+class Optics:
+    """Lens, principal point and arrangement of a rig; one reflection a view makes its camera left-handed."""
+
+    focal_mm: float = FOCAL_MM
+    base_mm: float = BASE_MM
+    distance_mm: float = DISTANCE_MM
+    principal_px: tuple[float, float] = PRINCIPAL_PX
+    lens: tuple[tuple[float, ...], tuple[float, ...]] = LENS
+    mirrored: bool = False
+
+    @classmethod
+    def drawn(cls, seed: int) -> "Optics":
+        """Draw a rig like none before; even seeds have one reflection a view, odd ones two."""
+        rng = np.random.default_rng((seed, 7))
+        lens = np.array(LENS) * rng.uniform(-1.5, 1.5, (2, 5))
+        return cls(
+            FOCAL_MM * rng.uniform(0.95, 1.05),
+            BASE_MM * rng.uniform(0.93, 1.07),
+            DISTANCE_MM * rng.uniform(0.95, 1.05),
+            (PRINCIPAL_PX[0] + rng.uniform(-12, 12), PRINCIPAL_PX[1] + rng.uniform(-12, 12)),
+            (tuple(lens[0]), tuple(lens[1])),
+            seed % 2 == 0,
+        )
+
+
 class Camera:
     """A virtual camera; its middle ray meets the object's origin near the middle of its half."""
 
-    def __init__(self, name: str, mirrored: bool = False) -> None:
+    def __init__(self, name: str, mirrored: bool = False, optics: Optics | None = None) -> None:
+        optics = optics or Optics(mirrored=mirrored)
         side = -1 if name == "left" else 1
         self.first = 0 if name == "left" else HALF
-        aside = math.atan((self.first + HALF / 2 - PRINCIPAL_PX[0]) * PIXEL_MM[0] / FOCAL_MM)
-        turn = math.atan2(-side * BASE_MM / 2, DISTANCE_MM) - (-aside if mirrored else aside)
+        middle_px = self.first + HALF / 2 - optics.principal_px[0]
+        aside = math.atan(middle_px * PIXEL_MM[0] / optics.focal_mm)
+        outward_mm = side * optics.base_mm / 2
+        turn = math.atan2(-outward_mm, optics.distance_mm) - (-aside if optics.mirrored else aside)
         right = np.array([0.0, math.cos(turn), math.sin(turn)])
         forward = np.array([0.0, math.sin(turn), -math.cos(turn)])
         self.rotation = np.array([right, np.cross(forward, right), forward])
-        self.mirror = np.diag([-1.0, 1.0, 1.0]) if mirrored else np.eye(3)
-        self.center = np.array([0.3 * side, side * BASE_MM / 2, DISTANCE_MM])
-        focal = [FOCAL_MM / PIXEL_MM[0], FOCAL_MM / PIXEL_MM[1]]
-        self.matrix = np.array([[focal[0], 0, PRINCIPAL_PX[0]], [0, focal[1], PRINCIPAL_PX[1]], [0, 0, 1.0]])
-        self.lens = np.array(LENS[name])
+        self.mirror = np.diag([-1.0, 1.0, 1.0]) if optics.mirrored else np.eye(3)
+        self.center = np.array([0.3 * side, outward_mm, optics.distance_mm])
+        x, y = optics.principal_px
+        focal = [optics.focal_mm / PIXEL_MM[0], optics.focal_mm / PIXEL_MM[1]]
+        self.matrix = np.array([[focal[0], 0, x], [0, focal[1], y], [0, 0, 1.0]])
+        self.lens = np.array(optics.lens[name == "right"])
 
     def project(self, places: np.ndarray) -> np.ndarray:
         seen = (places - self.center) @ (self.mirror @ self.rotation).T

@@ -4,8 +4,8 @@ from functools import cache
 
 from grabberd_liner.analysis.pulsation.movement import TimedPoints
 from grabberd_liner.chain.analysis.analyse import analyse
-from grabberd_liner.chain.analysis.field_points import FieldPoints
 from grabberd_liner.chain.analysis.inputs import read_inputs
+from grabberd_liner.chain.analysis.wall_state import FieldPoints
 from liner.analysis.walls import solved
 
 FIELD_S, LINER_KPA = 0.02, 42.0

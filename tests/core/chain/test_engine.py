@@ -8,7 +8,8 @@ import pytest
 
 from core.chain.fake_scene import take_scene
 from core.reconstruction.many import grid
-from grabberd.core.calibration import Network, Unknowns, adjust
+from grabberd.core.calibration.adjustment.adjustment import adjust
+from grabberd.core.calibration.adjustment.network import Network, Unknowns
 from grabberd.core.chain import measure as process
 from grabberd.core.chain.engine import MOST_FIELDS, Engine
 from grabberd.core.chain.locating import Locating
@@ -18,7 +19,7 @@ from grabberd.core.geometry import LocalField, Rig, rays
 from grabberd.core.kernel import KERNEL
 from grabberd.core.measurement import LocationSettings, location
 from grabberd.core.reconstruction import CoverageTally, ImageNoise, Tracker, tracking
-from grabberd.core.reconstruction.correspondence import compiled_identification
+from grabberd.core.reconstruction.correspondence import compiled_search
 from grabberd.core.reconstruction.correspondence.correspondence import Correspondence
 
 pytestmark = pytest.mark.skipif(
@@ -254,7 +255,7 @@ def test_predictors_that_give_way_to_others_change_no_bit(liner, room, monkeypat
     fields = [one.packed for one in liner.packed(1, "doubled")]
     views = liner.setup.calibration.views
     whole = list(steps(Engine(KERNEL, tracker_of(liner.setup), views), fields, LocationSettings()))
-    monkeypatch.setattr(compiled_identification, "MOST_PREDICTORS", room)
+    monkeypatch.setattr(compiled_search, "MOST_PREDICTORS", room)
     few = list(steps(Engine(KERNEL, tracker_of(liner.setup), views), fields, LocationSettings()))
     assert few == whole
 
@@ -270,7 +271,8 @@ def test_an_object_whose_field_is_made_by_parts_is_not_covered(liner):
     ("bits", "settings", "covered"),
     [
         (1, LocationSettings(), True),
-        (1, LocationSettings(line_shifts=True), False),
+        (1, LocationSettings(line_shifts=True), True),
+        (1, LocationSettings("vernier"), False),
         (8, LocationSettings(), True),
         (8, LocationSettings("weighted"), False),
     ],

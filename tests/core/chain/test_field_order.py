@@ -52,14 +52,14 @@ MOVEMENTS = {
 }
 
 
-@pytest.fixture(scope="module", params=MOVEMENTS)
-def fields(request):
-    return seen(**MOVEMENTS[request.param])
-
-
 @pytest.fixture(scope="module")
 def liner():
-    return seen()
+    return seen(**MOVEMENTS["liner"])
+
+
+@pytest.fixture(scope="module", params=MOVEMENTS)
+def fields(request, liner):
+    return liner if request.param == "liner" else seen(**MOVEMENTS[request.param])
 
 
 @pytest.fixture(scope="module")
@@ -100,7 +100,7 @@ def test_parities_named_the_wrong_way_round_change_nothing_of_the_order(liner):
 
 @pytest.mark.parametrize("scene", ["blank", "calibration_frame", "accuracy_object"])
 def test_where_nothing_moves_nothing_is_said(scene):
-    still = seen(scene=scene)
+    still = seen(100, scene=scene)
     for fields in (still, exchanged(still), doubled(still)):
         finding = check(fields)
         assert finding.order is Order.NO_MOVEMENT

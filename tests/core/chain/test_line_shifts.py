@@ -52,6 +52,6 @@ def test_eight_bits_come_under_a_thirtieth_of_a_millimetre(errors):
     assert with_shifts < 0.8 * without
 
 
-def test_one_bit_does_not_suffer(errors):
+def test_one_bit_gains_a_little(errors):
     with_shifts, without = (rmse_mm(errors[(1, "field"), solved][0]) for solved in (True, False))
-    assert with_shifts < 1.02 * without
+    assert with_shifts < without

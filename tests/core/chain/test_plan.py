@@ -5,13 +5,11 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-import yaml
 
 from core.chain.fake_scene import coordinates, take_scene
-from grabberd.config import shipped_configs
+from core.shipped_models import shipped_model
 from grabberd.core.chain.plan import PlanSettings, nominal_calibration, plan, variations
 from grabberd.core.geometry import NominalRig, Rig
-from grabberd.core.reconstruction import ObjectModel
 from grabberd.core.reconstruction.accuracy import accuracy
 from grabberd.errors import InputError
 
@@ -35,9 +33,7 @@ REFERENCE = NominalRig(
     pixel_x_mm=0.0086,
     pixel_y_mm=0.0083,
 )
-FRAME = ObjectModel.from_document(
-    yaml.safe_load((shipped_configs() / "calibration-frames" / "paper-108.yaml").read_text())
-)
+FRAME = shipped_model("calibration-frames/paper-108.yaml")
 LOW, HIGH = np.array([-45.0, -20.0, -6.0]), np.array([45.0, 20.0, 6.0])
 
 

@@ -5,10 +5,9 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-import yaml
 
 from core.chain.sized_pictures import Picture, fields
-from grabberd.config import shipped_configs
+from core.shipped_models import PAPER, shipped_document
 from grabberd.core.chain.calibration.calibrate import calibrate
 from grabberd.core.chain.calibration.frame_capture import identify
 from grabberd.core.chain.locating import LEAST_PX, px_per_mm, px_per_mm_of, sized
@@ -22,16 +21,16 @@ HD = Picture(1920, 1080, 0.0031)
 """A disc of 1.5 mm is 15.6 px wide: it was larger than any target used to be."""
 VGA = Picture(640, 480, 0.0160)
 """It is 3.0 px wide."""
-PAPER = yaml.safe_load((shipped_configs() / "calibration-frames" / "paper-108.yaml").read_text("utf-8"))
 
 
 def frame() -> ObjectModel:
     """The paper's calibration frame at a pitch of 6.5 mm each way, which 1080 lines hold, half as deep."""
+    paper = shipped_document(PAPER)
     targets = [
         target | {"x_mm": 6.5 * (target["row"] - 5.5), "z_mm": target["z_mm"] / 2}
-        for target in PAPER["targets"]
+        for target in paper["targets"]
     ]
-    return ObjectModel.from_document(PAPER | {"targets": targets})
+    return ObjectModel.from_document(paper | {"targets": targets})
 
 
 FRAME = frame()

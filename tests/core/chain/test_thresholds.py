@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from core.chain.fake_scene import take_scene
+from grabberd.core.chain.light import field_threshold, field_threshold_map
 from grabberd.core.chain.measure import measure_fields
-from grabberd.core.chain.thresholds import field_threshold, field_threshold_map
 from grabberd.core.field import Field, NumberedField, double_lines, quantise
 from grabberd.core.measurement import ThresholdRule
 from grabberd.errors import MeasurementError
@@ -35,10 +35,10 @@ def test_the_threshold_is_that_for_the_seen_size_whatever_the_rule_supposes():
 def test_intact_and_doubled_lines_have_thresholds_of_their_own():
     chosen = {
         (size, doubled): field_threshold(discs(size), RULE, 1, doubled=doubled)
-        for size in (4.0, 6.0, 8.0)
+        for size in (6.0, 9.0, 11.0)
         for doubled in (True, False)
     }
-    assert any(chosen[size, True] != chosen[size, False] for size in (4.0, 6.0, 8.0))
+    assert any(chosen[size, True] != chosen[size, False] for size in (6.0, 9.0, 11.0))
 
 
 def test_a_lamp_in_the_picture_does_not_take_all_the_time():

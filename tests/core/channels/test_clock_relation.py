@@ -57,7 +57,7 @@ def test_packets_of_16_ms_leave_a_tenth_of_a_millisecond(drift: float) -> None:
 @pytest.mark.parametrize("packet_s", [0.0, 0.001, 0.016])
 def test_its_sigma_holds(rate_hz: float, packet_s: float) -> None:
     normed = []
-    for seed in range(3):
+    for seed in range(3 if rate_hz < 1000 else 1):  # readings enough, at a second's work for every thousand
         run = Run(packets(25, rate_hz=rate_hz, packet_s=packet_s, seed=seed))
         shortest_ms = run.after(20).mean()  # what is the same for all readings is not part of it
         normed.append((run.error_ms - shortest_ms) / run.sigma_ms)

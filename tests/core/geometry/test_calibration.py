@@ -8,6 +8,7 @@ from core.geometry.rigs import calibration
 from grabberd.core.field import LARGEST_SIDE_PX
 from grabberd.core.geometry import Calibration
 from grabberd.core.geometry import calibration as calibration_module
+from grabberd.core.geometry.calibration import image_model
 from grabberd.errors import CalibrationMismatch, InputError
 
 GLASS = {"thickness_mm": 3.0, "refractive_index": 1.52}
@@ -71,9 +72,25 @@ def test_every_field_of_a_calibration_is_in_its_document():
     assert {kept.get(f.name, f.name) for f in fields(Calibration)} | {"schema"} == set(document())
 
 
+def test_the_details_say_what_the_images_were_taken_for():
+    read = Calibration.from_document(document() | {"details": image_model((0.6, -0.9))})
+    assert (read.disc_centres, read.local_correlation) == (True, (0.6, -0.9))
+    assert read.to_document()["details"] == image_model((0.6, -0.9))
+
+
+def test_a_calibration_of_before_was_made_of_the_pictures_middles():
+    read = Calibration.from_document(document())
+    assert (read.disc_centres, read.local_correlation) == (False, (0.0, 0.0))
+
+
 @pytest.mark.parametrize(
     ("path", "value", "said"),
     [
+        ("details.image_model", 1, "details.image_model: is 1, expected a mapping"),
+        ("details.image_model", {"disc": 1}, "details.image_model.disc: unknown key"),
+        ("details.image_model", {"disc_centres": 1}, "disc_centres: is 1, expected true or false"),
+        ("details.image_model", {"local_correlation": [0.5]}, "expected 2 finite numbers"),
+        ("details.image_model", {"local_correlation": [0.5, -1.0]}, "is not between -1 and 1"),
         ("schema", "grabberd/calibration/9", "schema: is 'grabberd/calibration/9'"),
         ("created_utc", "yesterday", "created_utc: is 'yesterday', expected a time in ISO 8601"),
         ("id", "", "id: is ''"),
@@ -121,7 +138,16 @@ def test_a_covariance_that_is_none_is_refused():
     lopsided, negative = covariance(), covariance()
     lopsided[0, 1] *= 1.001
     negative[4, 4] *= -1
-    for matrix, said in ((lopsided, "not symmetric"), (negative, "negative eigenvalue")):
+    huge, tiny = covariance(), covariance()
+    huge[0, 1] = huge[1, 0] = 1e308
+    tiny[0, 0] = tiny[1, 1] = 1e-320
+    tiny[0, 1] = tiny[1, 0] = 1.0
+    said_of = (
+        (lopsided, "not symmetric"),
+        (negative, "negative eigenvalue"),
+        (huge, "36 x 36 finite numbers"),
+    )
+    for matrix, said in (*said_of, (tiny, "far beyond its variances")):
         with pytest.raises(InputError, match=said):
             Calibration.from_document(document() | {"covariance": matrix.tolist()})
 

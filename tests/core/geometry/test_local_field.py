@@ -9,6 +9,7 @@ from scipy.interpolate import make_interp_spline
 
 from core.geometry.rigs import calibration
 from grabberd.core.geometry import Calibration, LocalField, Rig
+from grabberd.core.geometry.calibration import image_model
 from grabberd.errors import InputError
 
 STEP = 15.0
@@ -144,5 +145,16 @@ def test_a_rig_knows_the_sigma_of_the_views_that_have_a_field():
     assert sigma[:, 1] == pytest.approx(0.03)
 
 
+def test_errors_of_both_fields_correlate_as_stated():
+    both = field_of(wave, sigma=0.03), field_of(wave, sigma=0.02)
+    known = replace(calibration(), local_fields=both, details=image_model((0.6, -0.8)))
+    errors = Rig.of(known).local_errors_px(np.full((2, 2, 1), 400.0))[..., 0].reshape(4, 4)
+    x, y = (errors @ errors.T)[:2, :2], (errors @ errors.T)[2:, 2:]
+    assert x == pytest.approx(np.array([[9e-4, 0.6 * 6e-4], [0.6 * 6e-4, 4e-4]]))
+    assert y == pytest.approx(np.array([[9e-4, -0.8 * 6e-4], [-0.8 * 6e-4, 4e-4]]))
+    assert not (errors[:2] @ errors[2:].T).any()
+
+
 def test_a_rig_without_fields_says_so():
     assert Rig.of(calibration()).local_sigma_px(np.zeros((2, 2, 5))) is None
+    assert Rig.of(calibration()).local_errors_px(np.zeros((2, 2, 5))) is None

@@ -13,11 +13,11 @@ from grabberd.core.field import BIT_DEPTHS, INTERPOLATIONS, Field, PackedField, 
 from grabberd.core.geometry import LocalField, Rig, project
 from grabberd.core.kernel import load
 from grabberd.core.measurement import LocationSettings
-from grabberd.core.measurement.compiled_location import measure_compiled, measure_grey, takes_grey
+from grabberd.core.measurement.location import measure_compiled, measure_grey, takes_grey
 from grabberd.core.measurement.locators.locator import GREY
 from grabberd.core.reconstruction import ImageNoise, Track, Tracker, ViewBlobs
 from grabberd.core.reconstruction.correspondence.agreement import Hypotheses
-from grabberd.core.reconstruction.correspondence.compiled_identification import Identification
+from grabberd.core.reconstruction.correspondence.compiled_search import Identification
 from grabberd.core.reconstruction.correspondence.correspondence import Correspondence
 from grabberd.core.reconstruction.correspondence.displacement_field import DisplacementField
 from grabberd.instrument.acquisition import ContentCheck, GrabbedField

@@ -10,8 +10,14 @@ from core.measurement.test_any_picture import picture
 from grabberd.core.field import Field, double_lines, quantise
 from grabberd.core.kernel import ANY_NOISE, KERNEL, NO_TABLE
 from grabberd.core.measurement import LocationSettings
-from grabberd.core.measurement.compiled_location import ROOM, known_of, measure_compiled, takes
-from grabberd.core.measurement.location import measure_by_numpy, settings_for
+from grabberd.core.measurement.location import (
+    ROOM,
+    known_of,
+    measure_by_numpy,
+    measure_compiled,
+    settings_for,
+    takes,
+)
 
 pytestmark = pytest.mark.skipif(
     not KERNEL,

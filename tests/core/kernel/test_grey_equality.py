@@ -10,8 +10,7 @@ from core.measurement.test_any_picture import picture
 from grabberd.core.field import Field, double_lines, quantise
 from grabberd.core.kernel import KERNEL
 from grabberd.core.measurement import LocationSettings
-from grabberd.core.measurement.compiled_location import measure_grey, takes_grey
-from grabberd.core.measurement.location import measure_by_numpy, settings_for
+from grabberd.core.measurement.location import measure_by_numpy, measure_grey, settings_for, takes_grey
 from grabberd.core.measurement.locators.locator import GREY
 
 pytestmark = pytest.mark.skipif(

@@ -10,10 +10,9 @@ import pytest
 from core.kernel.sanitised import HERE, build, run, runtime
 from grabberd.core.chain.engine import Following
 from grabberd.core.kernel import DONE, KERNEL, REFUSED, load
-from grabberd.core.measurement.compiled_location import GreySettings, Settings
+from grabberd.core.measurement.location import GreySettings, Settings
 from grabberd.core.reconstruction import Smoothness
-from grabberd.core.reconstruction.correspondence.compiled_identification import Identifying, Predictors
-from grabberd.core.reconstruction.correspondence.compiled_search import World
+from grabberd.core.reconstruction.correspondence.compiled_search import Identifying, Predictors, World
 from grabberd.core.reconstruction.correspondence.displacement_field import DisplacementField
 
 needs_kernel = pytest.mark.skipif(not KERNEL, reason="THERE IS NO COMPILED KERNEL HERE to be refused by")

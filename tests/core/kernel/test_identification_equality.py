@@ -11,7 +11,7 @@ from core.reconstruction.liners import see, wall
 from grabberd.core.kernel import KERNEL
 from grabberd.core.reconstruction import CorrespondenceSettings, ImageNoise
 from grabberd.core.reconstruction.correspondence.agreement import Agreement, Hypotheses, hypotheses
-from grabberd.core.reconstruction.correspondence.compiled_identification import Identification
+from grabberd.core.reconstruction.correspondence.compiled_search import Identification
 from grabberd.core.reconstruction.correspondence.correspondence import Correspondence
 
 pytestmark = pytest.mark.skipif(

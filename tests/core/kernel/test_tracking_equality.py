@@ -9,10 +9,12 @@ from core.geometry.rigs import calibration
 from core.reconstruction import many
 from core.reconstruction.liners import model, see
 from core.reconstruction.tracking.test_tracker import deflection_mm, wall
-from grabberd.core.geometry import LocalField, Rig
+from grabberd.core.geometry import LocalField, Rig, project_all
+from grabberd.core.geometry.calibration import image_model
 from grabberd.core.kernel import KERNEL
-from grabberd.core.reconstruction import ImageNoise, Tracker
+from grabberd.core.reconstruction import ImageNoise, ObjectModel, Tracker, ViewBlobs
 from grabberd.core.reconstruction.correspondence.correspondence import Correspondence
+from grabberd.core.reconstruction.points import Miss
 
 pytestmark = pytest.mark.skipif(
     not KERNEL,
@@ -35,6 +37,9 @@ RIGS = {
     "uncertain": Rig.of(calibration(covariance=np.diag(SIGMA**2))),
     "with local fields": Rig.of(
         replace(calibration(covariance=np.diag(SIGMA**2)), local_fields=(bumpy(1), None))
+    ),
+    "with local fields whose errors correlate": Rig.of(
+        replace(calibration(), local_fields=(bumpy(1), bumpy(2)), details=image_model((-0.6, 0.9)))
     ),
 }
 
@@ -146,3 +151,29 @@ def test_of_many_targets(count):
         assert np.allclose(ours.expected.displacement_mm, theirs.expected.displacement_mm, atol=1e-9)
         predicted = ours.settled[0]
         assert len(ours) > 0.6 * count
+
+
+@pytest.mark.parametrize("columns", [7, 9, 14])
+@pytest.mark.parametrize("radius_mm", [6.0, 14.5, 60.0])
+def test_who_cannot_be_seen(columns, radius_mm):
+    """Walls that turn away, fold over themselves and crowd their targets, with blobs for all of them."""
+    rig, rng = RIGS["certain"], np.random.default_rng(columns)
+    known = round_a_wall(columns, radius_mm)
+    noise, seen = ImageNoise.of(rig, known, 0.12, 2), set()
+    judges = [Correspondence(rig, known, noise), Correspondence(rig, known, noise, kernel=None)]
+    for bend_mm in (0.0, 3.0, 9.0):
+        places = known.xyz_mm + bend_mm * np.sin(known.column)[:, np.newaxis] * rng.normal(size=3)
+        image = project_all(rig, places)
+        blobs = [ViewBlobs(image[:, k].T, np.full((len(known), 2), 0.1)) for k in (0, 1)]
+        ours, theirs = (judge.near(places, np.full(len(known), 0.8), *blobs) for judge in judges)
+        assert np.array_equal(ours.misses, theirs.misses)
+        assert np.array_equal(ours.target, theirs.target)
+        seen |= set(ours.misses.tolist())
+    assert Miss.TURNED_AWAY in seen or radius_mm == 60.0
+
+
+def round_a_wall(columns, radius_mm):
+    row, column = (each.ravel().astype(np.int32) for each in np.indices((6, columns)))
+    angle = 6.5 / radius_mm * (column - (columns - 1) / 2)
+    places = np.column_stack([6.5 * (row - 2.5), radius_mm * np.sin(angle), radius_mm * (np.cos(angle) - 1)])
+    return ObjectModel("wall", np.arange(len(row), dtype=np.int32), places, row, column, 1.5, 0.3)

@@ -34,8 +34,11 @@ def grid_of_discs(
     parity=TOP,
     jitter_px=0.0,
     squeeze=1.0,
+    beside=None,
 ):
     """An intact field of discs, each random within a pixel and a row, and their places in frame pixels.
+
+    Beside each, so many columns and frame lines off, there may be another one, whose place is not among them.
 
     Line jitter shifts every row by a whole number of 1 / FINE pixels.
     """
@@ -55,6 +58,8 @@ def grid_of_discs(
             moved = np.maximum(across - shift[rows, np.newaxis], 0)
             light[rows, left : left + 2 * HALF_PX] += np.take_along_axis(lines, moved, axis=1)
             places.append((left + HALF_PX + 1 + dx / FINE, top + HALF_PX + dy / FINE))
+    if beside:
+        light = light + np.roll(light, (beside[1] // 2, beside[0]), axis=(0, 1))
     grey = background + contrast * (light + rng.normal(0, noise, light.shape))
     return Field.intact(np.clip(np.round(grey), 0, 255).astype(np.uint8), parity), np.array(places)
 

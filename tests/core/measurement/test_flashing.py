@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from grabberd.core.field import Field, quantise
-from grabberd.core.measurement.flashing import TILE_PX, flashing_places, tile_levels
+from grabberd.core.measurement.noise import TILE_PX, flashing_places, tile_levels
 
 RANDOM = np.random.default_rng(1)
 LIT = RANDOM.random(80) < 0.5

@@ -18,7 +18,9 @@ def grid(count):
     row, column = np.divmod(np.arange(count, dtype=np.int32), np.int32(-(-count // rows)))
     across, down = (size * (at / at.max() - 0.5) for size, at in zip(SIZE_MM, (column, row), strict=True))
     places = np.stack([across, down, np.zeros(count)], axis=1)
-    return ObjectModel("grid", np.arange(count, dtype=np.int32), places, row, column, 1.5, 0.05)
+    diameter_mm = min(1.5, 0.3 * min(SIZE_MM[0] / column.max(), SIZE_MM[1] / row.max()))
+    target = np.arange(count, dtype=np.int32)
+    return ObjectModel("grid", target, places, row, column, diameter_mm, 0.05)
 
 
 def bent(model, depth_mm):

@@ -7,8 +7,9 @@ from hypothesis import given
 from core.geometry.rigs import calibration, places
 from core.reconstruction.liners import SIGMA_PX
 from grabberd.core.geometry import Calibration, LocalField, Rig, project
+from grabberd.core.geometry.calibration import image_model
 from grabberd.core.reconstruction import ImageNoise, Points, ViewBlobs, intersect
-from grabberd.core.reconstruction.intersection import DIAGONAL, FIRST, SECOND, inverse_symmetric
+from grabberd.core.reconstruction.points import DIAGONAL, FIRST, SECOND, inverse_symmetric
 
 NOISE = ImageNoise(0.12, 2, 2.9)
 CORNERS = np.array([[x, y, z] for x in (-50.0, 0.0, 50.0) for y in (-15.0, 15.0) for z in (-8.0, 8.0)])
@@ -173,11 +174,15 @@ def flat_field(sigma_px):
     return LocalField.through((-0.5, -0.5), 15.0, 0 * grid, sigma_px * grid)
 
 
-def test_what_the_local_fields_leave_is_part_of_the_calibrations_share():
+@pytest.mark.parametrize("correlation", [(0.0, 0.0), (0.6, 0.9), (-0.7, 0.4)])
+def test_what_the_local_fields_leave_is_part_of_the_calibrations_share(correlation):
     rng = np.random.default_rng(5)
     xyz = rng.uniform(-1, 1, (4000, 3)) * [50, 15, 8]
-    known = replace(calibration(), local_fields=(flat_field(0.02), flat_field(0.05)))
-    moved = [rng.normal(size=(len(xyz), 2)) * sigma for sigma in (0.02, 0.05)]
+    fields = flat_field(0.02), flat_field(0.05)
+    known = replace(calibration(), local_fields=fields, details=image_model(correlation))
+    left, right = rng.normal(size=(2, len(xyz), 2))
+    right = np.multiply(correlation, left) + np.sqrt(1.0 - np.square(correlation)) * right
+    moved = [0.02 * left, 0.05 * right]
     points = solve(known, *pictures(known, xyz, moved=moved))
     error = (points.xyz_mm - xyz)[:, :, np.newaxis]
     share = points.calibration_covariance_mm2

@@ -7,7 +7,7 @@ from core.geometry.rigs import calibration
 from core.reconstruction.liners import model
 from grabberd.core.geometry import Rig
 from grabberd.core.reconstruction import ImageNoise, ViewBlobs
-from grabberd.core.reconstruction.view_blobs import Common
+from grabberd.core.reconstruction.points import Common
 from grabberd.errors import MeasurementError
 
 

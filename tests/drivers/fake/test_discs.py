@@ -5,8 +5,7 @@ import pytest
 from numpy.testing import assert_allclose
 
 from grabberd_fake import FakeOptions
-from grabberd_fake.discs import Ellipses, Targets, disc_images, facing, smeared
-from grabberd_fake.optics import Array, build_views
+from grabberd_fake.optics import Array, Ellipses, Targets, build_views, disc_images, facing, smeared
 
 LEFT, RIGHT = build_views(FakeOptions.read({"rig": {"mirror_error_px": 0}}))
 

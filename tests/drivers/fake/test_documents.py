@@ -9,8 +9,7 @@ import yaml
 from numpy.testing import assert_allclose
 
 from grabberd_fake import FakeOptions, truth_at
-from grabberd_fake.__main__ import main
-from grabberd_fake.documents import calibration_document, object_document
+from grabberd_fake.__main__ import calibration_document, main, object_document
 from grabberd_fake.optics import build_views
 
 CONFIGS = Path(__file__).parents[3] / "configs"

@@ -12,9 +12,9 @@ import pytest
 
 from grabberd.errors import StreamFailed
 from grabberd_fake import FakeGrabber, FakeOptions, World, read_stamp
-from grabberd_fake.drawn_ahead import SLOTS, ComesFirst, DrawnAhead
 from grabberd_fake.optics import COLUMNS
 from grabberd_fake.render import ROWS
+from grabberd_fake.stream import SLOTS, ComesFirst, DrawnAhead
 
 PATIENCE_S = 30.0
 OPTIONS = FakeOptions.read({"scene": "ellipse", "seed": 5})

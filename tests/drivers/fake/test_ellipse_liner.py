@@ -8,8 +8,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose
 
-from grabberd_fake import ellipse_liner
-from grabberd_fake.ellipse_liner import EllipseLiner, Sections, closure, profile
+from grabberd_fake import liner as ellipse
+from grabberd_fake.liner import EllipseLiner, Sections, closure, profile
 from grabberd_fake.liner_options import EllipseOptions
 
 OPEN_NS, CLOSED_NS = 400_000_000, 900_000_000
@@ -65,7 +65,7 @@ def test_neighbours_round_the_wall_stay_one_pitch_apart_along_the_middle_surface
     deflection = 5.0 * closure(EllipseOptions(), time_ns)
     y, z = sections.at(np.full(6, deflection), COLUMNS)[:2]
     p = 12.5 - deflection
-    q = 12.5 * ellipse_liner.widened(np.array([p / 12.5]))[0]
+    q = 12.5 * ellipse.widened(np.array([p / 12.5]))[0]
     theta = np.arctan2(y / q, z / p)
     for start, end in pairwise(theta):
         way = np.linspace(start, end, 400)
@@ -77,9 +77,9 @@ def test_neighbours_round_the_wall_stay_one_pitch_apart_along_the_middle_surface
 @given(st.floats(0, 8.7))
 def test_every_cross_section_is_an_ellipse_of_the_open_ones_perimeter(deflection: float) -> None:
     y, z = whole_sections.at(np.full(13, deflection), AROUND)[:2]
-    p, q = 12.5 - deflection, 12.5 * ellipse_liner.widened(np.array([1 - deflection / 12.5]))[0]
+    p, q = 12.5 - deflection, 12.5 * ellipse.widened(np.array([1 - deflection / 12.5]))[0]
     assert_allclose((y / q) ** 2 + (z / p) ** 2, 1, atol=1e-6)
-    assert_allclose(ellipse_liner.perimeter(np.array([p]), np.array([q])), 2 * np.pi * 12.5, rtol=1e-12)
+    assert_allclose(ellipse.perimeter(np.array([p]), np.array([q])), 2 * np.pi * 12.5, rtol=1e-12)
     assert_allclose([y[0], z[0]], [-y[-1], z[-1]], atol=1e-6)
     assert z[6] == pytest.approx(p, abs=1e-6)
 

@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from numpy.testing import assert_allclose
 
 from grabberd_fake import FakeOptions
-from grabberd_fake.documents import calibration_document
+from grabberd_fake.__main__ import calibration_document
 from grabberd_fake.optics import Array, Camera, Mirror, build_views
 from grabberd_fake.options import CameraOptions
 

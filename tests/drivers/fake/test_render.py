@@ -9,8 +9,7 @@ import pytest
 from numpy.testing import assert_allclose
 from numpy.typing import NDArray
 
-from grabberd_fake.discs import Ellipses, Targets, disc_images
-from grabberd_fake.optics import Array, View
+from grabberd_fake.optics import Array, Ellipses, Targets, View, disc_images
 from grabberd_fake.options import PictureOptions
 from grabberd_fake.render import SCALE, Renderer
 from grabberd_fake.world import World

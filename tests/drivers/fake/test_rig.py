@@ -7,7 +7,8 @@ import pytest
 from numpy.testing import assert_allclose
 
 from grabberd_fake import FakeOptions
-from grabberd_fake.optics import View, build_views
+from grabberd_fake.optics import View, build_views, knocked
+from grabberd_fake.world import World
 
 PERFECT = {
     "mirror_tilt_mrad": 0,
@@ -115,3 +116,41 @@ def test_without_a_local_error_the_image_is_the_ideal_one() -> None:
     view = views_of(mirror_error_px=0)[0]
     points = np.array([[0.0, 1.0, 2.0], [30.0, -9.0, 4.0]])
     assert_allclose(view.image(points), view.ideal_image(points), atol=0)
+
+
+ORIGIN = np.zeros((1, 3))
+
+
+def test_a_knocked_camera_shifts_the_images_of_both_views_alike() -> None:
+    before = perfect(2)
+    after = knocked(before, "camera", (1.0, 0.0, 0.0))
+    for view, moved in zip(before, after, strict=True):
+        shift = moved.image(ORIGIN) - view.image(ORIGIN)
+        # 1 mrad of 8 mm is .96 lines of .0083 mm, and a little more away from the axis.
+        assert_allclose(np.abs(shift), [[0.0, 0.964]], atol=0.02)
+        assert_allclose(np.sign(shift[0, 1]), np.sign(after[0].image(ORIGIN) - before[0].image(ORIGIN))[0, 1])
+
+
+def test_a_knocked_mirror_moves_its_own_view_by_twice_its_turn_and_the_other_not_at_all() -> None:
+    before = perfect(2)
+    left, right = knocked(before, "left", (0.0, 0.5, 0.0))
+    assert right is before[1]
+    shift = left.image(ORIGIN) - before[0].image(ORIGIN)
+    assert abs(shift[0, 0]) > 0.3
+    assert abs(shift[0, 1]) < 0.02
+
+
+def test_marks_and_knocks_are_in_the_picture_and_not_in_the_truth() -> None:
+    mark = {"id": 900, "x_mm": 60, "y_mm": 36, "z_mm": 0}
+    knock = {"kind": "knock", "at_field": 2, "what": "camera", "x_mrad": 2.0}
+    options = {"scene": "blank", "rig": {"marks": [mark]}, "picture": {"noise": 0, "jitter_px": 0}}
+    world = World(FakeOptions.read({**options, "faults": [knock]}))
+    pictures = np.empty((3, 288, 720), np.uint8)
+    for field, picture in enumerate(pictures):
+        world.picture(field, picture)
+    rows = np.arange(0, 288)
+    lines = [
+        float((one[60:].sum(axis=1) @ rows[60:]) / one[60:].sum()) for one in pictures.astype(float) - 20
+    ]
+    assert abs(lines[2] - lines[0]) > 0.5
+    assert len(world.truth(0).ids) == 0

@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from numpy.testing import assert_allclose
 
 from drivers.fake.iso_phases import iso_phases_s
-from grabberd_fake.ellipse_liner import closure
+from grabberd_fake.liner import closure
 from grabberd_fake.options import FakeOptions
 from grabberd_fake.vacuum import LOG_HEADER, pulsation_kpa, vacuum_log
 

@@ -7,8 +7,8 @@ from scipy.optimize import brentq
 from scipy.special import ellipe
 
 from grabberd_fake import FakeOptions, truth_of_wall
-from grabberd_fake.ellipse_liner import EllipseLiner
 from grabberd_fake.ellipse_truth import wall_sheet
+from grabberd_fake.liner import EllipseLiner
 
 OPEN_NS, MOVING_NS, CLOSED_NS = 400_000_000, 60_000_000, 900_000_000
 LONG = {"scene": "ellipse", "ellipse": {"length_mm": 300.0, "rows": 3, "columns": 8}}

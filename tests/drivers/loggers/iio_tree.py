@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
-from grabberd.instrument.acquisition.discovery import Roots
+from grabberd.instrument.acquisition.device import Roots
 
 
 class IioTree:

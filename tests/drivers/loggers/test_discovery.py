@@ -6,7 +6,7 @@ import pytest
 
 from drivers.loggers.iio_tree import IioTree
 from grabberd.instrument.acquisition import LOGGERS, discover
-from grabberd.instrument.acquisition.discovery import LOGGER_SEARCH, Roots
+from grabberd.instrument.acquisition.device import LOGGER_SEARCH, Roots
 from grabberd_loggers.discovery import sensors, serial_ports
 
 

@@ -4,8 +4,8 @@ import math
 
 import pytest
 
-from grabberd_loggers.json_message import NOT_JSON, OTHER_KEYS, OTHER_UNIT, Unusable, cells_of
 from grabberd_loggers.lines import NOT_A_NUMBER, OTHER_CELLS, Column, Line, LineFormat
+from grabberd_loggers.mqtt_topic import NOT_JSON, OTHER_KEYS, OTHER_UNIT, Unusable, cells_of
 
 TASMOTA = '{"Time":"2026-03-01T10:00:00","BMP280":{"Temperature":20.1,"Pressure":602.1},"PressureUnit":"hPa"}'
 
@@ -139,5 +139,5 @@ def test_what_is_not_valid_json_has_a_reason(text: str, said: str) -> None:
 def test_a_list_has_as_many_values_as_there_are_columns() -> None:
     assert read("[1, null]", "p1", "p2").values[0] == 1.0
     one = refused("[1]", "p1", "p2")
-    assert (one.reason, one.example) == (OTHER_CELLS, "1 values for 2 columns: [1]")
+    assert (one.reason, one.example) == (OTHER_CELLS, "1 value for 2 columns: [1]")
     assert refused("[]", "p1").reason == OTHER_CELLS

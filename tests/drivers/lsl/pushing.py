@@ -10,8 +10,7 @@ import time
 import numpy as np
 
 from grabberd.client.points_stream import StreamedPoints
-from grabberd.documents.points import PointsDescription
-from grabberd.documents.points_frame import PointsFrame
+from grabberd.documents.points_frame import PointsDescription, PointsFrame
 from grabberd_lsl.outlets import LslClock, Outlets, PointsLayout, lsl
 
 SAMPLES, TARGETS = 12_000, 83

@@ -6,7 +6,7 @@ from typing import Any
 import pytest
 
 from grabberd.documents.examples import CAPTURE
-from grabberd_lsl.events import DeviceEvents, Event
+from grabberd_lsl.outlets import DeviceEvents, Event
 
 RECEIVED = {"received": 100, "lost": 0, "damaged": 0, "no_signal": 0, "overrun": 0}
 

@@ -11,9 +11,8 @@ from drivers.lsl.test_events import device
 from grabberd.client.daemon import Daemon
 from grabberd.errors import GrabberdError, InputError, NotReady
 from grabberd_lsl import feeding
-from grabberd_lsl.events import Event
 from grabberd_lsl.feeding import only_device
-from grabberd_lsl.outlets import Outlets
+from grabberd_lsl.outlets import Event, Outlets
 
 
 class Scripted:

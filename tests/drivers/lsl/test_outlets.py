@@ -12,7 +12,7 @@ from running import PATIENCE_S
 
 from drivers.lsl.test_points_layout import LAYOUT, field
 from grabberd.client.points_stream import StreamedPoints
-from grabberd.documents.points import PointsDescription
+from grabberd.documents.points_frame import PointsDescription
 from grabberd.errors import ExtraMissing
 from grabberd_lsl import outlets
 from grabberd_lsl.outlets import LslClock, Outlets, PointsLayout

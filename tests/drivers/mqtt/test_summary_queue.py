@@ -8,7 +8,7 @@ import pytest
 from archive.captures import slots, write
 from grabberd.archive.catalogue.archive import Archive
 from grabberd.archive.state.state_database import Outbox
-from grabberd_mqtt.summary_queue import SummaryQueue
+from grabberd_mqtt.publisher import SummaryQueue
 
 
 class Barn:
@@ -104,7 +104,7 @@ def test_a_full_outbox_is_logged_once_each_time_it_fills(
 def test_of_a_large_archive_some_are_entered_at_a_time(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
 ) -> None:
-    monkeypatch.setattr("grabberd_mqtt.summary_queue.AT_ONCE", 2)
+    monkeypatch.setattr("grabberd_mqtt.publisher.AT_ONCE", 2)
     barn = Barn(tmp_path)
     barn.add("a", "b", "c")
     barn.summaries.collect()

@@ -7,7 +7,7 @@ import pytest
 from core.chain.drawn_fields import coded_again, discs
 from grabberd.core.field import BOTTOM, TOP, Field
 from grabberd.instrument.acquisition import REPEATED, GrabbedField
-from grabberd_replay.repeats import RepeatMarks
+from grabberd_replay.footage import RepeatMarks
 
 PERIOD_NS = 20_000_000
 SPEED_PX = 0.8

@@ -1,5 +1,8 @@
 """Recordings are played as a grabber would have delivered them."""
 
+import csv
+
+import cv2
 import numpy as np
 import pytest
 
@@ -167,14 +170,30 @@ def test_a_capture_played_again_packs_to_the_same_bits(tmp_path, bits, doubled):
             assert (number.n, number.time_ns) == (one.n, one.numbered.time_ns)
 
 
-def exported(tmp_path, **how):
-    export_png(tmp_path / "liner.grab", tmp_path / "out", **how)
+def exported(tmp_path):
+    export_png(tmp_path / "liner.grab", tmp_path / "out")
     return tmp_path / "out"
 
 
-@pytest.mark.parametrize("woven", [False, True])
-def test_the_exported_pictures_are_played_like_the_capture(tmp_path, capture, woven):
-    (one, from_file, _), (other, from_pictures, _) = play(capture), play(exported(tmp_path, woven=woven))
+def woven(folder):
+    """The folder with its fields as frames, each of a top field and the bottom field after it."""
+    with (folder / "fields.csv").open(newline="") as file:
+        _, *fields = csv.reader(file)
+    listed, lumas = [], {}
+    for *field, name in fields:
+        parity, one = int(field[3]), cv2.imread(str(folder / name), cv2.IMREAD_UNCHANGED)
+        frame = f"frame-{int(field[0]) - parity:08d}.png"
+        lumas.setdefault(frame, np.zeros((2 * len(one), one.shape[1]), np.uint8))[parity::2] = one
+        listed.append((*field, frame))
+    for name, whole in lumas.items():
+        (folder / name).write_bytes(png(whole))
+    manifest(folder, listed)
+    return folder
+
+
+@pytest.mark.parametrize("shown", [lambda folder: folder, woven])
+def test_the_exported_pictures_are_played_like_the_capture(tmp_path, capture, shown):
+    (one, from_file, _), (other, from_pictures, _) = play(capture), play(shown(exported(tmp_path)))
     assert (one.columns, one.field_rows, one.rate_hz) == (other.columns, other.field_rows, other.rate_hz)
     for a, b in zip(from_file, from_pictures, strict=True):
         assert (a.time_ns, a.sequence, rows([a])) == (b.time_ns, b.sequence, rows([b]))

@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from grabberd.instrument.acquisition.discovery import Roots
+from grabberd.instrument.acquisition.device import Roots
 
 PCI = "devices/pci0000:00"
 

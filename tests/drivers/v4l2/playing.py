@@ -10,12 +10,12 @@ from drivers.v4l2.fake_kernel.card import PERIOD_NS
 from grabberd.config import RingConfig
 from grabberd.core.field import unpack
 from grabberd.core.ledger import Ledger, too_high_by
-from grabberd.instrument.capture.edges import Begin, cut
+from grabberd.instrument.capture.recorder import Begin, cut
 from grabberd.instrument.device.capture_thread import CaptureThread
 from grabberd.instrument.device.field_pipeline import FieldPipeline
 from grabberd.instrument.device.scheduling import ThreadTimes
 from grabberd.instrument.device.status_board import StatusBoard
-from grabberd_fake.audit import Judged, lies_of
+from grabberd_fake.__main__ import Judged, lies_of
 from grabberd_v4l2 import abi
 
 
@@ -97,7 +97,8 @@ class Play:
 
     Attributes:
         bench, card, scheduler: to have things go wrong on, before `run`.
-        slots: what came, in order; ledger: their account.
+        slots: what came, in order, without their pictures; newest: the last picture; camera_numbers: the
+            camera's number of each field that came, as its picture has it; ledger: their account.
     """
 
     def __init__(self, folder, card, **options):
@@ -113,7 +114,7 @@ class Play:
         self._opened, self._pipeline.opened = self._pipeline.opened, self._without_content_check
         self._work, self._pipeline.take = self._pipeline.take, self._late_work
         self.board = StatusBoard("cup", self.clock)
-        self.slots, self.ledger = [], Ledger()
+        self.slots, self.camera_numbers, self.ledger = [], [], Ledger()
         self._count, self.board.count = self.board.count, self._take
 
     def run(self, seconds):
@@ -159,14 +160,11 @@ class Play:
 
     def _take(self, slot):
         self._count(slot)
-        self.slots.append(slot)
+        self.newest = slot.numbered.packed
+        self.slots.append(slot._replace(numbered=None))
+        self.camera_numbers.append(number_in(unpack(self.newest).luma))
         self.ledger.enter(slot.n, slot.outcome, slot.reason, slot.lost_before)
         self.ledger.events += slot.rebases
-
-    @property
-    def camera_numbers(self):
-        """The camera's number of each field that came, as its picture has it."""
-        return [number_in(unpack(slot.numbered.packed).luma) for slot in self.slots]
 
     @property
     def lies(self):

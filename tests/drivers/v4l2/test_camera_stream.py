@@ -149,7 +149,7 @@ def test_arrivals_in_batches_of_the_bus_neither_lose_nor_invent(tmp_path, rate, 
 def test_the_ring_takes_pictures_of_any_size(tmp_path, size):
     seen = Seen(tmp_path, camera(modes=grey(60, size)), 60, seconds=1.0)
     assert seen.is_true
-    assert seen.slots[0].numbered.packed.data.shape == (1, size[1], size[0])
+    assert seen.play.newest.data.shape == (1, size[1], size[0])
 
 
 @pytest.mark.parametrize(("fourcc", "rms_px"), [("YUYV", 0.022), ("NV12", 0.022), ("MJPG", 0.025)])
@@ -158,7 +158,7 @@ def test_discs_are_located_in_the_ring_where_they_were_before_the_camera(tmp_pat
     seen = camera(modes={fourcc: {(640, 480): (60,)}}, scene=lambda *_: picture)
     play = Play(tmp_path, seen, size="640x480", rate_hz=60).run(0.5)
     assert len(play.slots) > 10
-    packed = play.slots[-1].numbered.packed
+    packed = play.newest
     assert (packed.parity, packed.y0, packed.y_step) == (PROGRESSIVE, 0, 1)
     blobs = measure(packed, None, LocationSettings())
     assert len(blobs) == len(places)

@@ -7,7 +7,7 @@ import pytest
 
 from drivers.v4l2.computer import Computer
 from grabberd.instrument.acquisition import GRABBERS
-from grabberd.instrument.acquisition.discovery import Verdict
+from grabberd.instrument.acquisition.device import Verdict
 from grabberd_v4l2.abi import Arrangement
 from grabberd_v4l2.discovery import Answers, discover
 from grabberd_v4l2.profiles import Profiles

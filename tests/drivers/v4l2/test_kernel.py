@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from grabberd_v4l2 import abi
-from grabberd_v4l2.kernel import POLL_HUP, POLL_IN, LinuxKernel
+from grabberd_v4l2.node import POLL_HUP, POLL_IN, LinuxKernel
 
 PAGE = os.sysconf("SC_PAGE_SIZE")
 KERNEL = LinuxKernel()

@@ -5,9 +5,9 @@ from importlib.resources import files
 
 import pytest
 
-from grabberd.instrument.acquisition.discovery import Verdict
+from grabberd.instrument.acquisition.device import Verdict
+from grabberd_v4l2.discovery import RULE
 from grabberd_v4l2.profiles import Profiles
-from grabberd_v4l2.usb import RULE
 
 FOLDER = files("grabberd_v4l2")
 KEYS = {

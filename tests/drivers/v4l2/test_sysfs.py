@@ -5,7 +5,7 @@ import threading
 import pytest
 
 from drivers.v4l2.computer import Computer
-from grabberd.instrument.acquisition.discovery import Roots
+from grabberd.instrument.acquisition.device import Roots
 from grabberd_v4l2.devices import usb_places, video_nodes
 
 

@@ -10,7 +10,7 @@ from usb.core import USBError
 from drivers.v4l2.computer import Computer
 from grabberd.errors import DeviceAbsent, DeviceRefused
 from grabberd_v4l2.devices import Identity, usb_places, video_nodes
-from grabberd_v4l2.usb import libusb, remarks_on, reset_of
+from grabberd_v4l2.discovery import libusb, remarks_on, reset_of
 
 
 class Bus(IBackend):

@@ -29,8 +29,7 @@ from grabberd.server.daemon.service import Service
 from grabberd_liner.analyses.documents import DeviceAnalysis
 from grabberd_liner.messages import device_analysis
 from grabberd_liner.part import liner_of
-from grabberd_lsl.events import DeviceEvents
-from grabberd_lsl.outlets import PointsLayout
+from grabberd_lsl.outlets import DeviceEvents, PointsLayout
 from grabberd_mqtt.home_assistant import discovery
 from grabberd_mqtt.messages import Topics, all_topics, capture_summary, device_state
 

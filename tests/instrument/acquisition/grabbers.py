@@ -39,6 +39,7 @@ class GrabberModel:
         stamps: `exposure`, as good drivers give, or `arrival`, the time of the dequeuing.
         counts: the driver's count: `none`, of `fields`, or of `frames`, which both fields of a frame share.
         buffers: of the driver, in its own units.
+        grid_ms: of the stamps, which its clock rounds down; 0 for a clock that does not tick.
         drift: of the camera's clock.
         jitter_ms: of the stamps, uniform.
         late: share of stamps that are late, by `late_ms` on average.
@@ -54,6 +55,7 @@ class GrabberModel:
     stamps: str = "exposure"
     counts: str = "none"
     buffers: int = 8
+    grid_ms: float = 0.0
     drift: float = 0.0
     jitter_ms: float = 1.0
     late: float = 0.0
@@ -138,6 +140,7 @@ class GrabberModel:
             else:
                 said_ns = stamp_ns
             said_ns += sum(int(jump * 1e9) for at_s, jump in self.clock_jumps if n >= at_s * 50)
+            said_ns -= said_ns % max(round(self.grid_ms * MS), 1)
             if _within(n, self.zero_stamps):
                 said_ns = 0
             turned = sum(n >= turn for turn in self.turns)

@@ -5,6 +5,7 @@ import numpy as np
 from grabberd.core.field import Field, FieldOrder
 from grabberd.instrument.acquisition.device import GrabbedField, Signal, StreamInfo
 from grabberd.instrument.acquisition.numbering import FieldNumbering
+from grabberd.instrument.acquisition.numbering.standstill import StandstillOfDriver
 
 MS = 1_000_000
 PERIOD_NS = 20_000_000
@@ -75,6 +76,10 @@ class Numbering:
     def stood_still(self, time_ns):
         """Notes that nobody asked for fields."""
         self._numbering.stood_still(time_ns)
+
+    def driver_stood_still(self, time_ns):
+        """Notes that nothing ran, not even the driver."""
+        self._numbering.of_driver = StandstillOfDriver(time_ns, time_ns, 0)
 
     def settled(self):
         """All fields so far."""

@@ -5,11 +5,11 @@ import sys
 import pytest
 
 from grabberd.errors import DriverMissing
-from grabberd.instrument.acquisition import discovery
-from grabberd.instrument.acquisition.discovery import FoundDevice, Verdict
+from grabberd.instrument.acquisition import device
+from grabberd.instrument.acquisition.device import FoundDevice, Verdict
 
 DRIVER = """
-from grabberd.instrument.acquisition.discovery import FoundDevice, Verdict
+from grabberd.instrument.acquisition.device import FoundDevice, Verdict
 
 def look():
     return [FoundDevice("barn", f"card {number}", {"path": number}, Verdict.USABLE) for number in (2, 1)]
@@ -41,14 +41,14 @@ def install(tmp_path, monkeypatch):
 
 def test_what_a_driver_finds_is_listed_in_its_order(install):
     install("barn = barn_discovery:look")
-    assert [one.card for one in discovery.discover() if one.driver == "barn"] == ["card 2", "card 1"]
+    assert [one.card for one in device.discover() if one.driver == "barn"] == ["card 2", "card 1"]
 
 
 @pytest.mark.parametrize("entry", ["barn = a_module_nobody_has:look", "barn = barn_discovery:gone"])
 def test_a_driver_that_cannot_look_is_named(install, entry):
     install(entry)
     with pytest.raises(DriverMissing, match="'barn' cannot search for devices"):
-        discovery.discover()
+        device.discover()
 
 
 @pytest.mark.parametrize(
@@ -75,11 +75,11 @@ def test_a_device_is_not_meant_by_another_driver():
 def test_entries_come_by_their_number_and_a_folder_that_is_missing_has_none(tmp_path):
     for name in ("video10", "video9", "media0"):
         (tmp_path / name).mkdir()
-    assert [entry.name for entry in discovery.by_number(tmp_path, "video*")] == ["video9", "video10"]
-    assert discovery.by_number(tmp_path / "nowhere", "video*") == []
+    assert [entry.name for entry in device.by_number(tmp_path, "video*")] == ["video9", "video10"]
+    assert device.by_number(tmp_path / "nowhere", "video*") == []
 
 
 def test_an_attribute_is_the_text_without_its_end_and_empty_where_it_is_missing(tmp_path):
     (tmp_path / "label").write_bytes(b"milk line\n\0")
-    assert discovery.attribute(tmp_path / "label") == "milk line"
-    assert discovery.attribute(tmp_path / "name") == ""
+    assert device.attribute(tmp_path / "label") == "milk line"
+    assert device.attribute(tmp_path / "name") == ""

@@ -46,6 +46,14 @@ def test_what_is_written_stays_until_there_is_more_than_the_capacity() -> None:
     assert backlog.at(5, 0) == 5
 
 
+def test_what_nobody_will_ask_for_any_more_is_dropped() -> None:
+    backlog = filled(4)
+    backlog.drop()
+    assert (backlog.end, backlog.from_index(4, 0)) == (4, [])
+    with pytest.raises(LookupError):
+        backlog.at(3, 0)
+
+
 def test_what_is_not_written_is_never_forgotten() -> None:
     backlog = filled(4)
     backlog.written(1)

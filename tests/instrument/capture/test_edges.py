@@ -4,9 +4,9 @@ from dataclasses import replace
 
 from slots import PERIOD_NS, slot
 
-from grabberd.core.ledger import LedgerEntry, LedgerEvent, Outcome, Slot, numbers_off
+from grabberd.core.ledger import LedgerEntry, LedgerEvent, Outcome, Slot, numbers_off, numbers_unsure
 from grabberd.instrument.acquisition import Ring
-from grabberd.instrument.capture.edges import Begin, NumbersFromBegin, cut, fields_before, number_at
+from grabberd.instrument.capture.recorder import Begin, NumbersFromBegin, cut, fields_before, number_at
 
 
 def begin_at(fields: float) -> Begin:
@@ -53,8 +53,22 @@ def test_a_ring_that_has_had_no_field_has_no_pre_trigger_either() -> None:
     ring = Ring(8)
     assert Begin.of(ring.reader(back=5), 12 * PERIOD_NS, 5, PERIOD_NS) == begin_at(12)
     ring.put(slot(10))
-    assert Begin.of(ring.reader(back=5), 12 * PERIOD_NS, 5, PERIOD_NS) == replace(begin_at(7), n=10)
+    assert Begin.of(ring.reader(back=5), 12 * PERIOD_NS, 5, PERIOD_NS) == replace(begin_at(9.5), n=10)
     assert Begin.of(ring.reader(back=5), None, 5, PERIOD_NS).time_ns is None
+
+
+def test_numbers_are_not_off_by_what_the_ring_has_never_had_of_a_pre_trigger() -> None:
+    ring = Ring(8)
+    for n in range(40, 44):
+        ring.put(uncertain(n))
+    reader = ring.reader(back=4)
+    begin = Begin.of(reader, 44 * PERIOD_NS, 20, PERIOD_NS)
+    assert reader.oldest is not None
+    first_n, numbers = begin.first_n(reader.oldest), NumbersFromBegin(begin)
+    assert first_n == 40
+    for n in range(4):
+        assert numbers.events(uncertain(n)._replace(time_ns=(first_n + n) * PERIOD_NS)) == ()
+    assert numbers.events(slot(4)._replace(time_ns=(first_n + 4) * PERIOD_NS)) == ()
 
 
 def test_entries_are_cut_at_both_edges() -> None:
@@ -82,9 +96,22 @@ def test_what_the_stream_tells_of_its_numbers_is_told_of_a_capture_that_began_be
 def test_a_capture_that_begins_in_a_doubt_compares_its_numbers_with_the_time() -> None:
     numbers = NumbersFromBegin(begin_at(0.0))
     assert numbers.events(uncertain(0)) == ()
-    assert numbers.events(uncertain(1)._replace(rebases=off(1, 40))) == ()
     late = slot(7)._replace(time_ns=5 * PERIOD_NS)
     assert numbers.events(late._replace(rebases=off(7, 40))) == off(7, 2)
+
+
+def test_what_turns_out_within_a_doubt_is_told_at_once_and_the_rest_with_the_next_certain_field() -> None:
+    numbers = NumbersFromBegin(begin_at(0.0))
+    assert numbers.events(uncertain(0)) == ()
+    assert numbers.events(uncertain(1)._replace(rebases=off(1, 1))) == off(1, 1)
+    late = slot(7)._replace(time_ns=5 * PERIOD_NS)
+    assert numbers.events(late._replace(rebases=off(7, 40))) == off(7, 1)
+
+
+def test_a_gap_of_unsure_length_at_the_end_of_a_doubt_is_told() -> None:
+    numbers, unsure = NumbersFromBegin(begin_at(0.0)), (numbers_unsure(7, 1),)
+    assert numbers.events(uncertain(0)) == ()
+    assert numbers.events(slot(7)._replace(rebases=unsure)) == unsure
 
 
 def test_a_capture_whose_numbers_turn_out_to_be_right_is_told_nothing() -> None:

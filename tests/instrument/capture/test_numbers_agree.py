@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from running import live, sealed
 
-from grabberd.archive.capture.point_codec import quantised
+from grabberd.archive.capture.encodings import quantised
 from grabberd.archive.capture.reader import CaptureReader
 from grabberd.config import RingConfig
 from grabberd.core.chain.measure import MeasuredField, MeasureSetup

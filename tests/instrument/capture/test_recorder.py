@@ -8,8 +8,7 @@ from slots import PERIOD_NS, STREAM, ManualClock, damaged, slot, without_signal
 
 from grabberd.core.ledger import LedgerEntry, Outcome, Slot
 from grabberd.instrument.acquisition import Ring, RingReader
-from grabberd.instrument.capture.edges import Begin
-from grabberd.instrument.capture.recorder import GRACE_NS
+from grabberd.instrument.capture.recorder import GRACE_NS, Begin
 
 
 def test_fields_are_numbered_from_the_captures_first() -> None:

@@ -5,8 +5,7 @@ from slots import PERIOD_NS, ManualClock, slot
 
 from grabberd.core.ledger import LedgerEntry, Outcome
 from grabberd.instrument.acquisition import Ring
-from grabberd.instrument.capture.edges import Begin
-from grabberd.instrument.capture.recorder import GRACE_NS, HEARINGS
+from grabberd.instrument.capture.recorder import GRACE_NS, HEARINGS, Begin
 
 
 def test_what_a_stopped_program_has_kept_is_taken_though_the_capture_is_due_to_end() -> None:

@@ -1,6 +1,7 @@
 """A recording: how seldom it commits, what a late worker gets, and what a failing disk leaves."""
 
 import threading
+from itertools import pairwise
 from pathlib import Path
 
 import pytest
@@ -24,6 +25,8 @@ def test_a_recording_without_a_worker_writes_and_seals(tmp_path: Path) -> None:
         assert reader.runs == []
     assert rig.told == [rig.recording]
     assert rig.recording.complete
+    with pytest.raises(LookupError):  # ten seconds of pictures would be kept until the next capture
+        rig.recording._backlog.at(4, 0)
 
 
 def test_a_worker_that_starts_late_gets_every_good_field_in_order(tmp_path: Path) -> None:
@@ -206,3 +209,21 @@ def test_what_is_due_is_committed_while_it_waits(tmp_path: Path, monkeypatch: py
     assert rig.recording.committed == 3
     rig.recording.measuring_ended()
     rig.sealed().close()
+
+
+def test_what_comes_during_a_slow_commit_is_committed_within_a_second(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    rig = recorded(tmp_path)
+    begun_s: list[float] = []
+
+    def slow() -> None:
+        begun_s.append(round((rig.clock.now_ns() - start_ns) / 1e9, 3))
+        rig.clock.advance(0.45)
+
+    monkeypatch.setattr(rig.recording._writer, "commit", slow)
+    start_ns = rig.clock.now_ns()
+    for _ in range(30):
+        rig.recording._write_some()
+        rig.clock.advance(0.05)
+    assert {round(other - one, 3) for one, other in pairwise(begun_s)} == {0.5}

@@ -15,15 +15,15 @@ from grabberd.archive.capture.verification import verify
 from grabberd.core.channels import Anomaly, Dating
 from grabberd.documents.enums import DeviceState
 from grabberd.errors import DeviceLost
-from grabberd.instrument.channels.channel_recording import (
+from grabberd.instrument.channels.feed import (
     LAST_NS,
     MARGIN_NS,
     OTHER_CLOCK,
     OTHER_UNIT,
     UNKNOWN_UNIT,
+    Part,
     calibration_of,
 )
-from grabberd.instrument.channels.feed import Part
 from grabberd.instrument.channels.loggers import Loggers
 
 FIELDS = 50

@@ -10,10 +10,8 @@ from scripted import INFO, PERIOD_S, S, Scripted
 from simulated_time import SMALL, START_NS, NoCaptures, Run, SimulatedClock, Until
 
 from grabberd.core.ledger import LossCause, Outcome
-from grabberd.errors import (
-    Cause,
-    StreamFailed,
-)
+from grabberd.documents.enums import DeviceState
+from grabberd.errors import Cause, DeviceRefused, StreamFailed
 from grabberd.instrument.acquisition import GrabbedField, Policy
 from grabberd.instrument.device.capture_thread import DEQUEUE_TIMEOUT_S, POLL_S, CaptureThread
 from grabberd.instrument.device.field_pipeline import FieldPipeline
@@ -38,7 +36,8 @@ def test_a_thread_that_had_no_processor_says_so_of_what_it_lost() -> None:
     one = Run(grabber, clock, 4.0, account=account)
     (lost,) = one.lost
     assert lost.reason == "computer busy (waited 1.2 s for a processor)"
-    assert one.board.now.losses == {LossCause.COMPUTER: lost.count}
+    held_up = 1  # the field after it may be from before the standstill
+    assert one.board.now.losses == {LossCause.COMPUTER: lost.count, LossCause.UNKNOWN: held_up}
     shown = one.board.standstills.shown
     assert shown
     assert shown.code is Cause.COMPUTER_BUSY
@@ -74,6 +73,17 @@ def test_real_time_is_asked_for_once_and_only_for_a_camera(
     assert grabber.asked.count("restart") == 1
     assert account.asked_to_come_first == live
     assert caplog.text.count("device test: fields are taken in turn") == live
+
+
+def test_a_thread_that_may_not_come_first_warns_of_it_in_the_devices_status() -> None:
+    class Refused(Account):
+        def come_first(self) -> str:
+            raise DeviceRefused("fields are not taken in real time", "permit it")
+
+    clock = SimulatedClock()
+    board = Run(Scripted(clock, 5), clock, 0.3, account=Refused()).board
+    assert board.now.warnings == ("fields are not taken in real time; permit it",)
+    assert board.state is DeviceState.READY
 
 
 def test_a_device_that_does_not_wait_for_a_field_is_asked_with_pauses_and_given_up() -> None:

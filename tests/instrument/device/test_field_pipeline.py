@@ -123,6 +123,29 @@ def test_an_old_picture_delivered_again_is_damaged() -> None:
     assert again.numbered is not None, "it is kept all the same"
 
 
+@pytest.mark.parametrize("stamped", [True, False])
+def test_a_buffer_that_is_handed_over_twice_is_no_field(stamped: bool) -> None:
+    one, late_ns = pipeline(), 0 if stamped else 3_000_000
+    for n in (0, 1, 2):
+        take(one, grabbed(n), Signal.PRESENT, now_ns(n))
+        again = grabbed(n)._replace(time_ns=grabbed(n).time_ns + late_ns)
+        assert one.take(again, Signal.PRESENT, now_ns(n) + late_ns) == []
+    after = take(one, grabbed(3), Signal.PRESENT, now_ns(3))
+    assert (after.n, after.outcome, after.rebases) == (3, Outcome.RECEIVED, ())
+
+
+@pytest.mark.parametrize("was_in_time", [True, False])
+def test_an_old_picture_that_comes_at_once_is_no_field_unless_it_may_have_waited(was_in_time: bool) -> None:
+    """Of a driver that neither stamps nor counts."""
+    one = pipeline()
+    one.opened(replace(INFO, counts_losses=False), now_ns(0))
+    for n in range(4):
+        one.take(grabbed(n)._replace(sequence=0), Signal.PRESENT, now_ns(n), in_time=was_in_time)
+    again = grabbed(3)._replace(sequence=0, time_ns=grabbed(3).time_ns + 1_000_000)
+    slots = [*one.take(again, Signal.PRESENT, now_ns(3) + 1_000_000, in_time=False), *one.settle()]
+    assert [slot.n for slot in slots if slot.reason == "repeated"] == ([] if was_in_time else [4])
+
+
 def test_an_interruptions_reason_is_that_of_the_fields_it_cost() -> None:
     one = pipeline()
     take(one, grabbed(0), Signal.PRESENT, now_ns(0))

@@ -1,5 +1,6 @@
 """Whether the capture thread took its fields in time, and what kept it from that."""
 
+import errno
 import os
 import subprocess
 import sys
@@ -9,7 +10,9 @@ import time
 import pytest
 from slots import ManualClock
 
+from grabberd.errors import DeviceRefused
 from grabberd.instrument.acquisition import Standstill
+from grabberd.instrument.acquisition.numbering.standstill import StandstillOfDriver
 from grabberd.instrument.device.scheduling import KernelAccount, Scheduling, ThreadTimes
 
 TIMEOUT_S = 0.05
@@ -120,6 +123,31 @@ def test_waiting_for_a_processor_is_told_with_its_time(where: str) -> None:
 def test_a_wait_within_the_time_out_is_told_as_well() -> None:
     found = Thread().request(waits_s=0.04)
     assert found == Standstill(40_000_000, 40_000_000, 0)
+
+
+@pytest.mark.parametrize("where", ["in the request", "between two"])
+def test_a_pause_after_which_nothing_waits_may_be_one_of_the_driver_as_well(where: str) -> None:
+    thread = Thread()
+    thread.request(idle_s=0.018)
+    if where == "between two":
+        thread.spend(0.3)
+        thread.request(idle_s=TIMEOUT_S, fields=0)
+    else:
+        thread.request(idle_s=TIMEOUT_S, stops_s=0.25, fields=0)
+    found = thread.request(idle_s=0.012)
+    assert isinstance(found, StandstillOfDriver)
+    assert found.is_stop
+    assert found.time_ns == pytest.approx(0.28e9, abs=1e6)
+    assert thread.request(idle_s=0.02) is None
+
+
+def test_a_pause_that_fills_the_buffers_is_none_of_the_driver() -> None:
+    thread = Thread()
+    thread.request(idle_s=0.018)
+    thread.spend(0.3)
+    found = thread.request(empty=False)
+    assert found
+    assert not isinstance(found, StandstillOfDriver)
 
 
 def test_a_stop_with_a_field_in_hand_is_told_like_any_other() -> None:
@@ -323,12 +351,19 @@ def test_this_computers_kernel_keeps_an_account_of_this_thread() -> None:
     assert account.thread() is None
 
 
+def _words(account: KernelAccount) -> str:
+    try:
+        return account.come_first()
+    except DeviceRefused as refusal:
+        return f"{refusal.message}; {refusal.hint}"
+
+
 def _come_first() -> tuple[str, int, int]:
     """How a thread runs that asked to come first, by words and by the kernel; and a process of its own."""
     found: list[tuple[str, int, int]] = []
 
     def ask() -> None:
-        words, policy = KernelAccount().come_first(), os.sched_getscheduler(0)
+        words, policy = _words(KernelAccount()), os.sched_getscheduler(0)
         child = subprocess.run([sys.executable, "-c", POLICY], capture_output=True, check=True)
         found.append((words, policy, int(child.stdout)))
 
@@ -340,11 +375,25 @@ def _come_first() -> tuple[str, int, int]:
 
 def test_a_thread_that_asks_for_real_time_has_it_or_says_why_not() -> None:
     words, policy, _ = _come_first()
-    if "not in real time" in words:
+    if "not taken in real time" in words:
         assert policy == os.SCHED_OTHER
+        assert "LimitRTPRIO=1" in words
     else:
         assert words.startswith("in real time")
         assert policy & ~os.SCHED_RESET_ON_FORK == os.SCHED_RR
+
+
+def test_one_that_may_not_come_first_says_what_would_permit_it(monkeypatch: pytest.MonkeyPatch) -> None:
+    def refuse(*_: object) -> None:
+        raise PermissionError(errno.EPERM, os.strerror(errno.EPERM))
+
+    monkeypatch.setattr(os, "sched_setscheduler", refuse)
+    with pytest.raises(DeviceRefused, match="some may be lost while others run") as refused:
+        KernelAccount().come_first()
+    assert "Operation not permitted" in refused.value.message
+    assert "'LimitRTPRIO=1' in the unit" in refused.value.hint
+    assert "'ulimit -r 1'" in refused.value.hint
+    assert KernelAccount().keep_to_share(1) == ""
 
 
 def test_real_time_is_for_that_thread_alone() -> None:
@@ -358,7 +407,7 @@ def test_real_time_ends_for_a_thread_that_takes_most_of_a_processor(greedy: bool
 
     def run() -> None:
         account = KernelAccount()
-        how = account.come_first()
+        how = _words(account)
         assert account.keep_to_share(time.monotonic_ns()) == ""
         end_s = time.thread_time() + 0.2
         while greedy and time.thread_time() < end_s:
@@ -371,7 +420,7 @@ def test_real_time_ends_for_a_thread_that_takes_most_of_a_processor(greedy: bool
     thread.start()
     thread.join()
     ((how, said, policy),) = found
-    if "not in real time" in how:
+    if "not taken in real time" in how:
         assert (said, policy) == ("", os.SCHED_OTHER)
     elif greedy:
         assert said.startswith("no longer in real time")

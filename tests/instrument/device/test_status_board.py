@@ -169,12 +169,13 @@ def test_a_device_that_is_retried_is_logged_once_per_cause(caplog: pytest.LogCap
 def test_a_refused_reset_is_a_warning_until_it_is_possible(caplog: pytest.LogCaptureFixture) -> None:
     board = StatusBoard("test", ManualClock())
     refusal = DeviceRefused("it cannot be reset", "install the udev rule")
-    board.reset_refused(refusal)
-    board.reset_refused(refusal)
-    assert board.now.warnings == ("it cannot be reset; install the udev rule",)
+    board.refused("reset", refusal)
+    board.refused("reset", refusal)
+    board.refused("real time", DeviceRefused("it is not first", "permit it"))
+    assert board.now.warnings == ("it cannot be reset; install the udev rule", "it is not first; permit it")
     assert caplog.text.count("it cannot be reset") == 1
-    board.reset_refused(None)
-    assert board.now.warnings == ()
+    board.refused("reset", None)
+    assert board.now.warnings == ("it is not first; permit it",)
 
 
 def test_only_errors_of_a_device_or_a_recording_have_a_cause_code() -> None:

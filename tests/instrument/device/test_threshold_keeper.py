@@ -99,7 +99,7 @@ def test_the_keeper_has_a_copy_of_its_own() -> None:
 
 def test_the_automatic_threshold_follows_the_light_unless_it_is_held() -> None:
     one, configured = keeper(), ring()
-    dim = looked(one, picture(100), configured)
+    dim = looked(one, picture(80), configured)
     one.hold()
     assert looked(one, picture(220), configured) == dim
     one.release()
@@ -117,7 +117,7 @@ def test_a_capture_that_begins_in_the_dark_gets_its_threshold_once_there_is_a_pi
     one, configured = keeper(), ring()
     looked(one, DARK, configured)
     one.hold()
-    chosen = looked(one, picture(100), configured)
+    chosen = looked(one, picture(80), configured)
     assert chosen.level < UNDECIDED_THRESHOLD
     assert looked(one, picture(220), configured) == chosen, "it is held from then on"
 
@@ -131,7 +131,7 @@ def test_a_choice_that_is_made_while_a_capture_begins_is_dropped() -> None:
             return chosen
 
     one, configured = Interrupted(DeviceConfig(driver="test")), ring()
-    dim = looked(one, picture(100), configured)
+    dim = looked(one, picture(80), configured)
     assert looked(one, picture(220), configured) == dim
 
 
@@ -188,7 +188,7 @@ def test_a_recordings_first_field_is_chosen_by_before_it_is_packed() -> None:
     one.hold()
     one.show(DARK, configured)
     assert one.in_force.level == UNDECIDED_THRESHOLD
-    one.show(picture(100), configured)
+    one.show(picture(80), configured)
     chosen = one.in_force
     assert chosen.level < UNDECIDED_THRESHOLD
     one.show(picture(220), configured)
@@ -198,7 +198,7 @@ def test_a_recordings_first_field_is_chosen_by_before_it_is_packed() -> None:
 def test_every_capture_of_a_recording_is_chosen_for_by_its_own_first_field() -> None:
     one, configured = keeper(live=False), ring()
     one.hold()
-    one.show(picture(100), configured)
+    one.show(picture(80), configured)
     dim = one.in_force
     one.release()
     one.hold()
@@ -208,11 +208,11 @@ def test_every_capture_of_a_recording_is_chosen_for_by_its_own_first_field() -> 
 
 def test_a_recording_is_looked_at_between_captures_but_not_during_one() -> None:
     one, configured = keeper(live=False), ring()
-    dim = looked(one, picture(100), configured)
+    dim = looked(one, picture(80), configured)
     bright = looked(one, picture(220), configured)
     assert bright.level > dim.level
     one.hold()
-    one.show(picture(100), configured)
+    one.show(picture(80), configured)
     assert looked(one, picture(220), configured) == dim
 
 

@@ -11,8 +11,8 @@ from slots import STREAM, ManualClock, slot, without_signal
 from grabberd.config import default_config_file
 from grabberd.core.field import Field, FieldOrder
 from grabberd.core.ledger import Rebase
+from grabberd.documents.devices import DeviceHealth, FaultDocument, HealthPart
 from grabberd.documents.enums import DeviceState
-from grabberd.documents.health import DeviceHealth, FaultDocument, HealthPart
 from grabberd.documents.state import StorageDocument
 from grabberd.errors import Cause
 from grabberd.instrument.acquisition import GrabbedField, Standstill

@@ -3,13 +3,14 @@
 from collections.abc import Iterator
 
 import pytest
+from calibrators import listed
 from running import sealed, standing
 
 from grabberd.archive.export.page_documents import PointsQuery, points_json
 from grabberd.documents.document import Document
-from grabberd.documents.points import PointsDocument
+from grabberd.documents.points_frame import PointsDocument
 from grabberd.instrument.capture.capture_request import CaptureRequest
-from grabberd.instrument.live.newest_field import newest_points, object_document
+from grabberd.instrument.live.field_streams import newest_points, object_document
 from grabberd.server.daemon.service import Service
 
 
@@ -49,7 +50,7 @@ def test_captures_whose_annotations_have_changed(service: Service) -> None:
 
 
 def test_the_calibration_in_force_is_the_active_one_of_the_list(service: Service) -> None:
-    [row] = service.active.rows()
+    [row] = listed(service)
     check(row)
     assert row.active
     document = service.active.document(service.instrument(None))

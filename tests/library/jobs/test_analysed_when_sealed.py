@@ -50,7 +50,7 @@ def test_a_pulsating_liner_is_captured_and_its_quantities_are_there(
         # It is told right after the job has ended, by the thread that ended it.
         latest = until(lambda: service.state().devices["simulated"].latest_analysis)
         assert (latest.capture, latest.analysis) == (capture_id, 1)
-        assert liner_of(service).analyses.records(capture_id)[0]["inputs"] == SHAPE
+        assert next(liner_of(service).analyses.records(capture_id))["inputs"] == SHAPE
         service.annotations.delete(capture_id)
 
 

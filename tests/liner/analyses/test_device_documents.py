@@ -10,7 +10,6 @@ from grabberd_liner.analyses.store import (
     PAGE,
     RECORD,
     AnalysisStore,
-    analysis_list,
     pulsation_document,
     report_page,
 )
@@ -70,7 +69,8 @@ def stored(analyses: AnalysisStore, **record: object) -> None:
 
 
 def outdated(analyses: AnalysisStore) -> list[bool]:
-    return [row.outdated_pressure for row in analysis_list(analyses, "one").analyses]
+    numbers = reversed(analyses.numbers("one"))
+    return [analyses.row("one", number).outdated_pressure for number in numbers]
 
 
 def test_pressures_of_an_analysis_that_names_no_method_are_outdated(analyses: AnalysisStore) -> None:

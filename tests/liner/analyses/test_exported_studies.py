@@ -10,7 +10,7 @@ import pytest
 from grabberd.errors import InputError, StorageError
 from grabberd_liner.analyses.export import TABLE_FORMATS, check_formats, write_tables
 from grabberd_liner.chain.study.study import StudyQuestion, make_study
-from grabberd_liner.chain.study.tables import tables
+from grabberd_liner.chain.study.study_document import tables
 from liner.chain.study.captured import COMPRESSION, herd
 
 TABLES = tables(make_study(StudyQuestion(by="liner", within="cow"), herd()))

@@ -10,7 +10,7 @@ from grabberd.config import AnalysisConfig, default_config_file
 from grabberd.documents.document import JobProblem
 from grabberd.errors import ConfigError
 from grabberd.instrument.setup import set_up
-from grabberd_liner.analyses.inputs import check_inputs, inputs_of
+from grabberd_liner.analyses.capture_analyses import check_inputs, inputs_of
 from grabberd_liner.profiles.profiles import FoundProfiles
 
 

@@ -10,13 +10,14 @@ from grabberd_liner.analyses.report import analysis_html, marked_outdated, value
 from grabberd_liner.reports.environment import environment
 from grabberd_liner.reports.figures import model_svg, states_of
 from liner.reports.analysis_documents import earlier, full, least
+from reports import pages
 from reports.hostile import EVIL, hostile
 from reports.pages import Page
 
 
 def chapter(name, document):
     """One chapter alone."""
-    return Page(environment().render(f"analysis/{name}.html.jinja", document, **values(document)))
+    return pages.chapter(environment(), "analysis", name, {"document": document, **values(document)})
 
 
 @pytest.fixture(scope="module")
@@ -27,6 +28,12 @@ def text():
 @pytest.fixture(scope="module")
 def page(text):
     return Page(text)
+
+
+@pytest.fixture(scope="module")
+def of_before():
+    """Of an analysis with the earlier pressures."""
+    return Page(analysis_html(earlier()))
 
 
 @pytest.fixture(scope="module")
@@ -125,23 +132,21 @@ def test_how_well_a_wall_in_equilibrium_explains_the_points_is_told(page):
     assert "misses the points, and what was known of the load before, by 0.62 times" in page.text
 
 
-def test_pressures_of_the_earlier_way_are_called_wrong_at_the_top():
-    page = Page(analysis_html(earlier()))
-    top = page.text.partition("1 The wall")[0]
-    assert page.headings[:2] == ["Analysis report", "Wrong pressures"]
+def test_pressures_of_the_earlier_way_are_called_wrong_at_the_top(of_before):
+    top = of_before.text.partition("1 The wall")[0]
+    assert of_before.headings[:2] == ["Analysis report", "Wrong pressures"]
     assert "The pressures of this analysis are wrong" in top
     assert "Analyse the capture again" in top
     assert "grabberd analyse" in top
     assert "mean pressure is greatest" not in top
 
 
-def test_a_report_with_the_earlier_columns_opens_and_lists_them():
-    page = Page(analysis_html(earlier()))
-    listed = [row[0] for row in page.table("Columns, units and meanings")]
+def test_a_report_with_the_earlier_columns_opens_and_lists_them(of_before):
+    listed = [row[0] for row in of_before.table("Columns, units and meanings")]
     assert {"overpressure_kpa", "wall_kpa", "points_sigma_kpa", "since_touch_kpa", "free_misfit"} < set(
         listed
     )
-    assert "Map of the pressure above atmosphere" not in {one["aria-label"] for one in page.all("svg")}
+    assert "Map of the pressure above atmosphere" not in {one["aria-label"] for one in of_before.all("svg")}
 
 
 def test_pressures_of_a_wall_in_equilibrium_are_not_called_wrong(page):

@@ -3,6 +3,7 @@
 import csv
 import io
 import json
+import shutil
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -19,6 +20,7 @@ from grabberd.server.daemon.service import Service
 from grabberd.work.job_spec import JobContext
 from grabberd_liner.analyses.documents import AnalysisDocument
 from grabberd_liner.analyses.job import AnalysisJob
+from grabberd_liner.analyses.store import RECORD
 from grabberd_liner.part import liner_of
 from server.api.conftest import service_in
 
@@ -123,6 +125,23 @@ def test_it_is_listed_with_its_inputs_and_what_was_found(client: TestClient, ana
     assert row["created_utc"].endswith("Z")
     assert abs(row["summary"]["period_s"] - PERIOD_S) < 5 * row["summary"]["sigma_period_s"]
     assert (row["missing_extra"], row["page_problem"], row["problem"]) == (None, None, None)
+
+
+def test_a_list_comes_page_by_page(client: TestClient, analysed: str) -> None:
+    analyses = liner_of(service_of(client)).analyses
+    record = analyses.directory / "pulsating" / "1" / RECORD
+    with analyses.scratch() as folder:
+        shutil.copy(record, folder)
+        number = analyses.publish("pulsating", folder)
+    try:
+        page = client.get(f"{CAPTURES}/pulsating/analyses", params={"limit": 1}).json()
+        assert [row["analysis"] for row in page["analyses"]] == [number]
+        following = {"limit": 500, "cursor": page["next"]}
+        page = client.get(f"{CAPTURES}/pulsating/analyses", params=following).json()
+        assert page["analyses"][-1]["analysis"] == 1
+        assert page["next"] is None
+    finally:
+        shutil.rmtree(analyses.directory / "pulsating" / str(number))
 
 
 def test_the_curves_come_as_columns_with_unit_and_sigma(client: TestClient, analysed: str) -> None:

@@ -17,12 +17,11 @@ from grabberd.documents.document import JobProblem
 from grabberd.documents.enums import JobState
 from grabberd.errors import StorageError
 from grabberd.instrument.setup import DeviceSetup, set_up
-from grabberd.server.daemon.check_job import NOTE as CHECK
+from grabberd.server.daemon.jobs import NOTE as CHECK
 from grabberd.work import job_queue
+from grabberd_liner.analyses.capture_analyses import AGAIN_S, inputs_of_test
 from grabberd_liner.analyses.documents import CaptureAnalysis
-from grabberd_liner.analyses.inputs import inputs_of_test
 from grabberd_liner.analyses.job import AnalysisJob
-from grabberd_liner.analyses.sealed_analyses import AGAIN_S
 from grabberd_liner.chain.guided_tests.recipes import RECIPES
 from grabberd_liner.guided_tests.job import LinerTestJob
 from grabberd_liner.profiles.profiles import FoundProfiles
@@ -106,7 +105,7 @@ def test_an_option_that_is_taken_out_and_set_again_counts_from_then_on(
 def test_more_captures_than_are_read_at_once_are_all_found(
     barn: Barn, tmp_path: Path, clock: ManualClock, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("grabberd_liner.analyses.sealed_analyses.AT_ONCE", 2)
+    monkeypatch.setattr("grabberd_liner.analyses.capture_analyses.AT_ONCE", 2)
     for n in range(5):
         clock.advance(1)
         barn.seal(f"c{n}", told=False)

@@ -34,7 +34,7 @@ def test_each_gets_the_next_number_of_its_capture(store):
 def test_the_newest_is_listed_first_with_its_number(store):
     add(store, run=1)
     add(store, run=2)
-    assert store.records("one") == [{"run": 2, "analysis": 2}, {"run": 1, "analysis": 1}]
+    assert list(store.records("one")) == [{"run": 2, "analysis": 2}, {"run": 1, "analysis": 1}]
 
 
 def test_a_number_is_not_given_again_while_a_later_one_is_there(store):
@@ -68,6 +68,13 @@ def test_a_damaged_record_is_listed_with_what_is_wrong(store):
     assert (whole["analysis"], "problem" in whole) == (1, False)
     assert damaged["analysis"] == 2
     assert "record.json cannot be read" in damaged["problem"]
+
+
+def test_a_record_of_another_form_is_listed_with_what_is_wrong(store):
+    add(store, run="the first")
+    row = store.row("one", 1)
+    assert (row.analysis, row.run) == (1, None)
+    assert "record.json cannot be read: Input should be a valid integer" in row.problem
 
 
 def test_what_is_not_there_is_said_with_what_there_is(store):

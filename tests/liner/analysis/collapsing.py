@@ -5,7 +5,7 @@ from functools import lru_cache
 import numpy as np
 
 from grabberd.core.reconstruction import ObjectModel, Points
-from grabberd_fake import ellipse_liner
+from grabberd_fake import liner as ellipse
 from grabberd_liner.analysis.grid import Grid
 from grabberd_liner.analysis.surface.jets import ORDERS
 
@@ -20,8 +20,8 @@ def middle(row, column, closed):
     row, column = np.broadcast_arrays(row, column)
     x, s = (row - (ROWS - 1) / 2) * PITCH_MM, (column - (COLUMNS - 1) / 2) * PITCH_MM
     p = 1 - DEFLECTION_MM / RADIUS_MM * closed * np.cos(np.pi * x.ravel() / LENGTH_MM) ** 2
-    q = ellipse_liner.widened(p)
-    theta = ellipse_liner.eccentric_angle(p, q, s.ravel() / RADIUS_MM)
+    q = ellipse.widened(p)
+    theta = ellipse.eccentric_angle(p, q, s.ravel() / RADIUS_MM)
     y, z = (RADIUS_MM * q * np.sin(theta)).reshape(x.shape), (RADIUS_MM * p * np.cos(theta)).reshape(x.shape)
     return np.stack([x, y, z + AXIS_Z_MM], axis=-1)
 

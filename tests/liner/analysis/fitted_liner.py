@@ -2,10 +2,9 @@
 
 import numpy as np
 
-from grabberd_liner.analysis.load.load_prior import Difference, LoadPrior, TubePrior
 from grabberd_liner.analysis.load.mounting import Mounting
-from grabberd_liner.analysis.load.pressure_model import LoadSeries
-from grabberd_liner.analysis.load.wall_model import WallModel
+from grabberd_liner.analysis.load.pressure import LoadSeries
+from grabberd_liner.analysis.load.wall_model import Difference, LoadPrior, TubePrior, WallModel
 from grabberd_liner.analysis.load.wall_surfaces import MiddleSurfaces
 from liner.analysis.walls import EIGHT_BITS_MM, as_points, solved
 

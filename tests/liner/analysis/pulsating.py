@@ -3,7 +3,7 @@
 import numpy as np
 
 from grabberd.core.reconstruction import Points
-from grabberd_fake.ellipse_liner import EllipseLiner
+from grabberd_fake.liner import EllipseLiner
 from grabberd_fake.options import FakeOptions
 from grabberd_liner.analysis.pulsation.movement import TimedPoints
 

@@ -4,7 +4,7 @@ import numpy as np
 
 from grabberd.core.reconstruction import Points
 from grabberd_liner.analysis.load.collapse import RampLevel
-from grabberd_liner.analysis.load.load_prior import Difference
+from grabberd_liner.analysis.load.wall_model import Difference
 from grabberd_liner.analysis.wall.material import Material
 from liner.analysis.walls import EIGHT_BITS_MM, SolvedLiner, as_points, solved
 

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from grabberd_liner.analysis.gauss import gauss_rule
+from grabberd_liner.analysis.wall.splines import gauss_rule
 
 
 @pytest.mark.parametrize("count", [1, 2, 5, 8])

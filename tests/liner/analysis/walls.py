@@ -10,8 +10,7 @@ from grabberd.core.geometry import Rig, project_all
 from grabberd.core.reconstruction import ObjectModel, Points, SingleViewImages
 from grabberd_fake.wall_states import Patch, wall_states
 from grabberd_liner.analysis.grid import Grid
-from grabberd_liner.analysis.load.pressure import ChamberVacuum, PressureMap
-from grabberd_liner.analysis.load.pressure_model import PressureModel
+from grabberd_liner.analysis.load.pressure import ChamberVacuum, PressureMap, PressureModel
 from grabberd_liner.analysis.wall.material import Material, Zone
 
 PITCH_MM, ROWS, COLUMNS = 6.5, 18, 4

@@ -6,8 +6,7 @@ import pytest
 from core.chain.fake_scene import take_scene
 from grabberd.errors import AnalysisError, InputError
 from grabberd_fake.light_options import LightOptions, lit
-from grabberd_liner.analysis.vacuum.light_clock import LightSignal
-from grabberd_liner.chain.light_clock import find_light, logged_light, steady_times
+from grabberd_liner.analysis.vacuum.light_clock import LightSignal, find_light, logged_light, steady_times
 
 PLACE = {"diameter_px": 9.0, "x_px": 640.0, "y_px": 24.0}
 SECONDS = 14

@@ -1,6 +1,6 @@
 """Changes of a profile in words."""
 
-from grabberd_liner.profiles.profile_text import changes_in_words
+from grabberd_liner.profiles.changes import changes_in_words
 from liner.chain.analysis.profiling import LINER, changed
 
 

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from grabberd.config import shipped_configs
 from grabberd.errors import InputError
 from grabberd_liner.chain.analysis.profile_inputs import quantity_problems
-from grabberd_liner.profiles.profile_text import checked_profile, plain_name, read_profile, write_profile
+from grabberd_liner.profiles.profiles import checked_profile, plain_name, read_profile, write_profile
 from liner.chain.analysis.profiling import ALL, COW, CUP, LINER, changed
 
 

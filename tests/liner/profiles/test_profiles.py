@@ -11,8 +11,7 @@ from grabberd.archive.state.backup import back_up, restore
 from grabberd.errors import Conflict, InputError, NotFound, StorageError
 from grabberd.work.process import Processes
 from grabberd_liner.chain.analysis.profile_inputs import quantity_problems
-from grabberd_liner.profiles.profile_text import problems_in_process, read_profile
-from grabberd_liner.profiles.profiles import Profiles, check_name
+from grabberd_liner.profiles.profiles import Profiles, check_name, problems_in_process, read_profile
 from liner.chain.analysis.profiling import ALL, COW, CUP, LINER, PULSATOR, changed
 
 
@@ -53,7 +52,7 @@ def test_the_next_version_is_new_and_the_same_content_is_not(profiles: Profiles)
     profiles.put(LINER)
     older = changed(LINER, "age_milkings", 900)
     assert [profiles.put(one).is_new for one in (LINER, older, older)] == [False, True, False]
-    assert [one.version for one in profiles.versions("liner", "A").versions] == [2, 1]
+    assert list(profiles.versions("liner", "A")) == [2, 1]
     assert profiles.get("liner", "A", 1).profile == LINER
 
 
@@ -86,8 +85,8 @@ def test_retired_ones_are_listed_only_if_wanted_and_stay_readable(profiles: Prof
     for one in ALL:
         profiles.put(one)
     assert profiles.retire("liner", "A").retired_utc is not None
-    assert [row.kind for row in profiles.rows()] == ["cow", "cup", "pulsator"]
-    assert [row.kind for row in profiles.rows("liner", retired=True)] == ["liner"]
+    assert [head.kind for head in profiles.heads()] == ["cow", "cup", "pulsator"]
+    assert [head.kind for head in profiles.heads("liner", retired=True)] == ["liner"]
     assert profiles.get("liner", "A", 1).profile == LINER
 
 
@@ -114,7 +113,7 @@ def test_one_that_the_disk_has_changed_is_listed_with_the_reason_and_never_used(
         connection.execute(
             "UPDATE profiles SET content = replace(content, '2.5', '3.5') WHERE kind = 'liner'"
         )
-    cow, liner = profiles.rows()
+    cow, liner = (profiles.row(kind, name, version) for kind, name, version, *_ in profiles.heads())
     assert (cow.problem, liner.problem) == (None, "version 1 of the liner profile A is not what was stored")
     for ask in (lambda: profiles.get("liner", "A"), lambda: profiles.of_labels({"liner": "A"})):
         with pytest.raises(StorageError, match="not what was stored"):
@@ -131,7 +130,8 @@ def test_a_backup_has_all_versions(tmp_path: Path) -> None:
     back_up(here, tmp_path / "barn.zip", "2026-03-01T09:30:00.000Z", "0.1.0")
     restore(there, tmp_path / "barn.zip", "20260301T093000Z")
     restored = profiles_in(there)
-    assert restored.versions("liner", "A") == profiles.versions("liner", "A")
+    assert restored.heads() == profiles.heads()
+    assert restored.row("liner", "A", 2) == profiles.row("liner", "A", 2)
     assert restored.get("liner", "A", 1).profile == LINER
 
 

@@ -17,9 +17,8 @@ from core.chain.milking import still
 from grabberd.cli.app import app
 from grabberd.documents.enums import Role
 from grabberd.server.api import create_app
-from grabberd.server.api.guard.front import Front
+from grabberd.server.api.guard.front import Front, bind
 from grabberd.server.api.serving import server_of
-from grabberd.server.api.sockets import bind
 from grabberd_liner.profiles.documents import ProfileDocument
 from liner.chain.analysis.profiling import COW, CUP, LINER, changed
 from server.api.conftest import service_in
@@ -96,6 +95,9 @@ def test_the_next_version_leaves_the_first_as_it_was(client: TestClient) -> None
     assert client.put(address, json={"profile": older}).json()["version"] == 2
     versions = client.get(f"{address}/versions").json()["versions"]
     assert [(row["version"], row["newest"]) for row in versions] == [(2, 2), (1, 2)]
+    first = client.get(f"{address}/versions", params={"limit": 1}).json()
+    last = client.get(f"{address}/versions", params={"limit": 1, "cursor": first["next"]}).json()
+    assert (first["versions"], last["versions"], last["next"]) == (versions[:1], versions[1:], None)
     assert client.get(f"{address}/versions/1").json()["profile"] == COW
     assert is_problem(client.get(f"{address}/versions/3"), 404)
 

@@ -13,7 +13,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from grabberd.errors import Conflict, InputError, NotFound
-from grabberd_liner.profiles.profiles import LARGEST_BYTES, ProfileStore
+from grabberd_liner.profiles.profiles import LARGEST_BYTES, ProfileStore, StoredProfile
 
 NOW = "2026-03-01T09:30:00.000Z"
 
@@ -25,11 +25,16 @@ def store(tmp_path: Path) -> ProfileStore:
     return store
 
 
+def all_versions(store: ProfileStore, kind: str, name: str) -> list[StoredProfile]:
+    """All versions of a profile, the newest first."""
+    return [store.get(kind, name, number) for number in range(store.newest(kind, name), 0, -1)]
+
+
 def test_versions_count_from_one_and_stay_as_they_were(store: ProfileStore) -> None:
     for age in range(3):
         stored = store.put("liner", "A", {"age": age}, NOW)
         assert (stored.version, stored.newest, stored.content) == (age + 1, age + 1, {"age": age})
-    assert [one.content["age"] for one in store.versions("liner", "A")] == [2, 1, 0]
+    assert [one.content["age"] for one in all_versions(store, "liner", "A")] == [2, 1, 0]
     assert store.get("liner", "A", 1).content == {"age": 0}
     assert store.get("liner", "A", 1).newest == 3
 
@@ -42,14 +47,18 @@ def test_the_same_content_makes_no_version(store: ProfileStore) -> None:
 def test_an_earlier_content_makes_a_version_of_its_own(store: ProfileStore) -> None:
     for age in (1, 2, 1):
         store.put("liner", "A", {"age": age}, NOW)
-    assert [one.version for one in store.versions("liner", "A")] == [3, 2, 1]
+    assert [one.version for one in all_versions(store, "liner", "A")] == [3, 2, 1]
 
 
 def test_kinds_do_not_share_their_names(store: ProfileStore) -> None:
     store.put("liner", "A", {"age": 1}, NOW)
     store.put("cow", "A", {"age": 2}, NOW)
-    assert [(one.kind, one.content["age"]) for one in store.list()] == [("cow", 2), ("liner", 1)]
-    assert [one.kind for one in store.list("cow")] == ["cow"]
+    assert [(one.kind, one.name, one.version) for one in store.heads()] == [
+        ("cow", "A", 1),
+        ("liner", "A", 1),
+    ]
+    assert store.get("cow", "A").content == {"age": 2}
+    assert [one.kind for one in store.heads("cow")] == ["cow"]
 
 
 def test_a_retired_profile_keeps_its_versions_and_comes_back_when_it_is_stored_again(
@@ -71,7 +80,7 @@ def test_a_change_of_another_version_than_the_newest_is_refused_and_changes_noth
     for after in (0, 1, 3):
         with pytest.raises(Conflict, match="version 2"):
             store.put("liner", "A", {"age": 9}, NOW, after=after)
-    assert [one.content["age"] for one in store.versions("liner", "A")] == [2, 1]
+    assert [one.content["age"] for one in all_versions(store, "liner", "A")] == [2, 1]
 
 
 def test_a_refused_change_does_not_bring_a_retired_profile_back(store: ProfileStore) -> None:
@@ -86,7 +95,7 @@ def test_profiles_and_versions_that_there_are_not_are_told(store: ProfileStore) 
     store.put("liner", "A", {"age": 1}, NOW)
     with pytest.raises(NotFound, match="has no version 2"):
         store.get("liner", "A", 2)
-    for ask in (store.get, store.versions):
+    for ask in (store.get, store.newest):
         with pytest.raises(NotFound, match="no liner profile 'B'"):
             ask("liner", "B")
     with pytest.raises(NotFound):
@@ -98,7 +107,7 @@ def test_profiles_and_versions_that_there_are_not_are_told(store: ProfileStore) 
 def test_a_content_that_cannot_be_kept_is_refused(store: ProfileStore, content: dict[str, Any]) -> None:
     with pytest.raises(InputError):
         store.put("liner", "A", content, NOW)
-    assert list(store.list()) == []
+    assert list(store.heads()) == []
 
 
 def test_a_version_that_the_disk_has_changed_is_not_taken_for_what_was_stored(store: ProfileStore) -> None:
@@ -122,7 +131,7 @@ def test_programs_that_store_at_the_same_moment_get_a_version_each(store: Profil
         thread.start()
     for thread in threads:
         thread.join()
-    versions = store.versions("liner", "A")
+    versions = all_versions(store, "liner", "A")
     assert [one.version for one in versions] == list(range(30, 0, -1))
     assert len({(one.content["own"], one.content["age"]) for one in versions}) == 30
 
@@ -141,7 +150,7 @@ def test_a_program_that_is_killed_leaves_whole_versions(store: ProfileStore) -> 
             assert child.stdout is not None
             said = [int(child.stdout.readline()) for _ in range(5)]
             child.kill()
-        versions = store.versions("liner", "A")
+        versions = all_versions(store, "liner", "A")
         assert [one.version for one in versions] == list(range(len(versions), 0, -1))
         assert [one.problem for one in versions] == [None] * len(versions)
         assert versions[0].version >= said[-1]
@@ -170,6 +179,6 @@ def test_whatever_is_stored_and_retired_all_of_it_can_be_read(
             assert store.put("cow", "112", step, NOW).retired_utc is None
         elif known:
             assert store.retire("cow", "112", NOW).retired_utc == NOW
-    versions = store.versions("cow", "112") if known else []
+    versions = all_versions(store, "cow", "112") if known else []
     assert [one.content for one in versions] == known[::-1]
     assert [one.version for one in versions] == list(range(len(known), 0, -1))

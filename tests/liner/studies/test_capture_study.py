@@ -4,8 +4,7 @@ import pytest
 
 from grabberd.errors import InputError
 from grabberd.work.process import Processes
-from grabberd_liner.studies.capture_study import study_in_process, study_of
-from grabberd_liner.studies.documents import StudyDocument
+from grabberd_liner.studies.routes import StudyDocument, study_in_process, study_of
 from liner.studies.test_studies import Barn, barn
 
 __all__ = ["barn"]

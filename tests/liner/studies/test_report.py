@@ -7,8 +7,7 @@ import pytest
 
 from grabberd.errors import ExtraMissing, InputError
 from grabberd_liner.chain.study.study import Found, LeftOut, Studied, StudyQuestion, make_study
-from grabberd_liner.chain.study.study_document import study_document
-from grabberd_liner.chain.study.tables import tables
+from grabberd_liner.chain.study.study_document import study_document, tables
 from grabberd_liner.studies.report import study_html
 from liner.chain.study.captured import capture, herd
 from reports.hostile import EVIL

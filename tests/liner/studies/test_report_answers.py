@@ -6,8 +6,7 @@ from typing import Any
 import pytest
 
 from grabberd_liner.chain.study.study import Studied, StudyQuestion, make_study
-from grabberd_liner.chain.study.study_document import study_document
-from grabberd_liner.chain.study.tables import tables
+from grabberd_liner.chain.study.study_document import study_document, tables
 from grabberd_liner.studies.report import answer, trend_answer
 from liner.chain.study.captured import COMPRESSION, capture, found, herd
 

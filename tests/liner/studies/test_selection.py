@@ -6,7 +6,7 @@ import pytest
 
 from grabberd.errors import InputError
 from grabberd_liner.chain.study.study import Studied, unanalysed
-from grabberd_liner.studies.selection import Condition, Selection
+from grabberd_liner.studies.captures import Condition, Selection
 
 
 def capture(utc: str = "2026-11-05T06:00:00.000Z", verdict: str = "complete", **labels: str) -> Studied:

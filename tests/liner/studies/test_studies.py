@@ -10,8 +10,7 @@ from archive.captures import slots, write
 from grabberd.archive.state.capture_index import CaptureIndex
 from grabberd.archive.state.state_database import Annotation, AnnotationStore
 from grabberd.errors import InputError, StorageError
-from grabberd_liner.studies.captures import LocalArchive, captures_of_archive
-from grabberd_liner.studies.selection import Selection
+from grabberd_liner.studies.captures import LocalArchive, Selection, captures_of_archive
 from liner.studies.results import report, store
 
 QUANTITIES = [{"name": "overpressure_kpa", "unit": "kPa", "value": 9.5, "sigma": 1.0, "sigma_common": 0.8}]

@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from grabberd.config import shipped_configs
-from grabberd_fake.audit import audit
+from grabberd_fake.__main__ import audit
 from grabberd_fake.faults import PERIOD_NS
 from proofs.faults.daemon import RECORDED, Daemon
 

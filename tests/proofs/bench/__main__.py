@@ -14,6 +14,7 @@ from tests.proofs.bench import (
     armour,
     averaging,
     calibrated,
+    calibration_sigma,
     camera,
     capture_file,
     closures,
@@ -25,6 +26,7 @@ from tests.proofs.bench import (
     demonstration,
     frame_poses,
     goals,
+    hostile_folder,
     identification,
     light_clock,
     liner_study,
@@ -47,8 +49,10 @@ from tests.proofs.bench import (
     reprocess,
     requests,
     several,
+    single_fields,
     soak,
     study_coverage,
+    visibility,
     walls,
 )
 
@@ -60,6 +64,7 @@ other programs see [benchmarks](benchmarks.md).
 """
 
 ARMOUR = "Attacks on the HTTP server"
+HOSTILE = "A folder of captures that are made to be heavy"
 OPEN = "The page: memory when it stays open"
 SOAK = "Soak test: 50 Hz, clients that come and go, captures of all kinds"
 
@@ -67,12 +72,16 @@ PARTS: Mapping[str, Mapping[str, Callable[[], str]]] = {
     "accuracy": {"Accuracy against the simulator's truth, mm, RMSE of single fields": accuracy.table},
     "averaging": {"Averages of static fields: leaning discs, uneven mirrors": averaging.table},
     "calibrated": {"Accuracy after calibration: XYZ RMSE in mm (error / stated σ)": calibrated.table},
+    "calibrations": {"Calibrations of twelve rigs set aside": calibration_sigma.table},
     "capture": {"Capture file: bytes and processor time per field": capture_file.table},
     "camera": {
         "Digital cameras: processor time of the luma conversion": camera.table_of_cost,
         "Compressed progressive pictures: accuracy lost to JPEG": camera.table_of_accuracy,
     },
-    "closures": {"Fast closures (20 to 150 ms) compared with the simulator's truth": closures.table},
+    "closures": {
+        "Fast closures (20 to 150 ms) compared with the simulator's truth": partial(closures.table, 2),
+        "Fast closures (20 to 150 ms) behind one mirror a view": partial(closures.table, 1),
+    },
     "adjustment": {"Bundle adjustment compared with scipy.optimize.least_squares": adjustment.table},
     "analysis": {"From points to tension, compared with the simulated ellipse's truth": analysis.table},
     "content": {
@@ -96,6 +105,7 @@ PARTS: Mapping[str, Mapping[str, Callable[[], str]]] = {
     "identification": {
         "Identification of 2 × 108 targets, in the first field and after a gap": identification.table
     },
+    "single": {"Single fields at 1 and 8 bits, drawn by another renderer": single_fields.table},
     "study": {"Studies: coverage of intervals, and false alarms": study_coverage.table},
     "light": {"Clock alignment by a light, compared with the truth": light_clock.table},
     "liners": {"Three liners, four captures each: quantities compared with the truth": liner_study.table},
@@ -129,6 +139,7 @@ PARTS: Mapping[str, Mapping[str, Callable[[], str]]] = {
         "Points stream: latency and processor time": points_stream.table,
     },
     "tasks": {"The page: steps and seconds of everyday tasks": page_tasks.table},
+    "visibility": {"Closing walls of six to nine columns, drawn by another renderer": visibility.table},
     "walls": {"Simulated walls: buckling, touch point, and load on the teat": walls.table},
 }
 """Tables by the titles of their sections, without those of the running daemon."""
@@ -141,7 +152,7 @@ def main() -> None:
         "what",
         nargs="?",
         default="all",
-        choices=[*PARTS, "live", "several", "soak", "loaded", "armour", "open", "all"],
+        choices=[*PARTS, "live", "several", "soak", "loaded", "armour", "hostile", "open", "all"],
     )
     parser.add_argument(
         "--seconds", type=float, default=60.0, help="length of a live capture, soak, attack or open page"
@@ -187,6 +198,7 @@ def _lasting(what: str, seconds: float) -> Mapping[str, Callable[[], str]]:
         f"Live, {seconds:.0f} s at 50 Hz": (("live", "all"), live.table),
         f"Several: four devices at 50 Hz, {seconds:.0f} s": (("several", "all"), several.table),
         ARMOUR: (("armour",), armour.table),
+        HOSTILE: (("hostile",), hostile_folder.table),
         OPEN: (("open",), page_open.table_of_open),
     }
     return {title: partial(table, seconds) for title, (names, table) in asked.items() if what in names}

@@ -20,7 +20,7 @@ from grabberd.core.geometry import Calibration
 from grabberd.core.reconstruction import ObjectModel
 from grabberd.core.reconstruction.accuracy import PAPER_PRECISION, PAPER_RMSE, Truth
 from grabberd_fake import FakeGrabber, FakeOptions, truth_at
-from grabberd_fake.documents import calibration_document, object_document
+from grabberd_fake.__main__ import calibration_document, object_document
 from grabberd_fake.grabber import JumpingClock
 
 FIELDS = 64

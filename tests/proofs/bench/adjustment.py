@@ -18,7 +18,8 @@ from scipy.sparse import csr_array
 from yaml import safe_load
 
 from grabberd.config import default_config_file
-from grabberd.core.calibration import Adjustment, AdjustmentSettings, Network, Unknowns, adjust
+from grabberd.core.calibration.adjustment.adjustment import Adjustment, AdjustmentSettings, adjust
+from grabberd.core.calibration.adjustment.network import Network, Unknowns
 from grabberd.core.geometry import Calibration, Rig, View, linearise_parameters, project
 
 Array = NDArray[np.float64]

@@ -13,15 +13,15 @@ from tests.proofs.bench.accuracy import Scene
 from grabberd.core.chain.accuracy import requantised
 from grabberd.core.chain.measure import measure_fields
 from grabberd_fake import FakeOptions
-from grabberd_fake.ellipse_liner import closure, profile
 from grabberd_fake.ellipse_truth import WallTruth, truth_of_wall
+from grabberd_fake.liner import closure, profile
 from grabberd_fake.truth import truth_at
 from grabberd_fake.vacuum import pulsation_kpa
 from grabberd_liner.analysis.grid import Grid
 from grabberd_liner.analysis.pulsation.movement import TimedPoints
 from grabberd_liner.chain.analysis.analyse import Analysis, analyse
-from grabberd_liner.chain.analysis.field_points import FieldPoints
 from grabberd_liner.chain.analysis.inputs import read_inputs
+from grabberd_liner.chain.analysis.wall_state import FieldPoints
 
 Array = NDArray[np.float64]
 

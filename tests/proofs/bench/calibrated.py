@@ -11,7 +11,7 @@ from grabberd.core.chain.calibration.calibrate import calibrate
 from grabberd.core.geometry import NominalRig
 from grabberd.core.reconstruction import ObjectModel
 from grabberd_fake import FakeOptions
-from grabberd_fake.documents import object_document
+from grabberd_fake.__main__ import object_document
 
 NOMINAL = NominalRig(720, 576, (0, 360), (360, 720), 240.0, 128.0, 30.0, 8.0, 0.0086, 0.0083)
 RIGS = ((1, 2), (2, 2), (3, 2), (1, 1), (2, 1), (3, 1))

@@ -7,12 +7,11 @@ from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
 from typing import Any
 
-from grabberd.archive.capture.codec import ZLIB, decode_field, encode_points
-from grabberd.archive.capture.codec import decode_points as decode_single
+from grabberd.archive.capture.encodings import ZLIB, decode_field, decode_points, encode_field_points
+from grabberd.archive.capture.encodings import decode_field_points as decode_single
+from grabberd.archive.capture.encodings import encode_points as encode_group
 from grabberd.archive.capture.groups import decode_pictures, encode_pictures
 from grabberd.archive.capture.meta import CaptureMeta
-from grabberd.archive.capture.point_codec import decode_points
-from grabberd.archive.capture.point_codec import encode_points as encode_group
 from grabberd.archive.capture.reader import CaptureReader
 from grabberd.archive.capture.schema import RESERVE_BYTES
 from grabberd.archive.capture.writer import CaptureWriter
@@ -23,7 +22,7 @@ from grabberd.core.field import Field, NumberedField, PackedField, double_lines,
 from grabberd.core.ledger import Ledger, Outcome, Slot
 from grabberd.core.reconstruction.points import Points
 from grabberd.files.documents import read_documents
-from grabberd.instrument.acquisition.discovery import GRABBERS
+from grabberd.instrument.acquisition.device import GRABBERS
 
 FIELDS, GROUP, ROUNDS = 600, 25, 7
 PERIOD_NS, THRESHOLD = 20_000_000, 60
@@ -65,7 +64,7 @@ def _codecs(packed: Sequence[PackedField], measured: Sequence[Points]) -> Iterab
     counts = [sum(map(len, measured[part])) for part in groups]
     singles = [zlib.compress(one.data.tobytes(), 1) for one in packed]
     pictures = [encode_pictures(packed[part]) for part in groups]
-    records = [encode_points(one) for one in measured]
+    records = [encode_field_points(one) for one in measured]
     columns = [encode_group(measured[part]) for part in groups]
     sized = [b"".join(one[1:]) for one in columns]
     ways: list[tuple[str, Sequence[bytes], Callable[[], Any], Callable[[], Any]]] = [
@@ -84,7 +83,7 @@ def _codecs(packed: Sequence[PackedField], measured: Sequence[Points]) -> Iterab
         (
             "points, format 1",
             records,
-            lambda: [encode_points(one) for one in measured],
+            lambda: [encode_field_points(one) for one in measured],
             lambda: [decode_single(one, len(of)) for one, of in zip(records, measured, strict=True)],
         ),
         (

@@ -37,21 +37,25 @@ class Row(NamedTuple):
         )
 
 
-def table() -> str:
+def table(reflections: int) -> str:
     """Found, wrong, and the error of single fields and smoothed ones, by closing time, stroke and bits."""
     about = (
         f"{len(SEEDS)} seeds each: rig, noise, law of time, shape (the ellipse and solved walls), when it "
-        "closes, exposure 1 or 4 ms; 2.5 s each, ideal mirrors, the exact calibration. Lost: 5 to 30 % of "
-        "the fields, by seed. RMSE in mm (χ², mean over the seeds)."
+        f"closes, exposure 1 or 4 ms; 2.5 s each, ideal mirrors ({reflections} a view), the exact "
+        "calibration. Lost: 5 to 30 % of the fields, by seed. RMSE in mm (χ², mean over the seeds)."
     )
     columns = "found of what both views see", "wrong", "single fields", "smoothed", "worse"
     head = f"| closes in, stroke, field | {' | '.join(columns)} |"
-    rows = [str(row) for seconds in SECONDS for stroke_mm in STROKES_MM for row in _rows(seconds, stroke_mm)]
+    closures = ((seconds, stroke_mm) for seconds in SECONDS for stroke_mm in STROKES_MM)
+    rows = [str(row) for closure in closures for row in _rows(*closure, reflections)]
     return "\n".join([f"{about}\n", head, "|---|---|---|---|---|---|", *rows])
 
 
-def _rows(seconds: float, stroke_mm: float) -> Iterator[Row]:
-    films = [Film(Closure(seconds, stroke_mm, seed, EXPOSURES_MS[seed // 4 % 2])) for seed in SEEDS]
+def _rows(seconds: float, stroke_mm: float, reflections: int) -> Iterator[Row]:
+    films = [
+        Film(Closure(seconds, stroke_mm, seed, EXPOSURES_MS[seed // 4 % 2], reflections=reflections))
+        for seed in SEEDS
+    ]
     lost = np.linspace(*LOST, len(SEEDS)).tolist()
     for name, bits in WAYS:
         where = f"{1000 * seconds:.0f} ms, {stroke_mm:g} mm, {name}"

@@ -10,8 +10,7 @@ from tests.proofs.bench.content_found import lost
 from grabberd.core.field import Field, Packing
 from grabberd.core.kernel import KERNEL, in_use
 from grabberd.instrument.acquisition.content_check import ContentCheck
-from grabberd.instrument.acquisition.device import GrabbedField
-from grabberd.instrument.acquisition.discovery import GRABBERS
+from grabberd.instrument.acquisition.device import GRABBERS, GrabbedField
 
 FIELDS = 300
 RATE_HZ = 50

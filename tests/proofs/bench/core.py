@@ -10,7 +10,7 @@ from grabberd.config import default_config_file, load_config
 from grabberd.core.chain.measure import MeasureSetup, measure_fields
 from grabberd.core.field import Field, NumberedField, double_lines, quantise, unpack
 from grabberd.core.kernel import in_use
-from grabberd.instrument.acquisition.discovery import GRABBERS
+from grabberd.instrument.acquisition.device import GRABBERS
 from grabberd.instrument.setup import set_up
 
 FIELDS = 100

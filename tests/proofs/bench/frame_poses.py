@@ -21,7 +21,7 @@ from grabberd.core.field import NumberedField
 from grabberd.core.geometry import rotation_matrix
 from grabberd.core.reconstruction import ObjectModel
 from grabberd_fake import FakeOptions
-from grabberd_fake.documents import object_document
+from grabberd_fake.__main__ import object_document
 
 Array = NDArray[np.float64]
 

@@ -9,8 +9,7 @@ from numpy.typing import NDArray
 
 from grabberd_fake import FakeLight, JumpingClock
 from grabberd_fake.light_options import LightOptions, lit, share_lit
-from grabberd_liner.analysis.vacuum.light_clock import LightClock, LightSignal, relate_clocks
-from grabberd_liner.chain.light_clock import steady_times
+from grabberd_liner.analysis.vacuum.light_clock import LightClock, LightSignal, relate_clocks, steady_times
 
 SEEDS = 24
 FIELD_NS = 20_000_000

@@ -17,7 +17,7 @@ from tests.proofs.bench.liner_study_tables import Found, tables
 
 from grabberd.archive.capture.reader import CaptureReader
 from grabberd.config import default_config_file
-from grabberd_fake.documents import object_document
+from grabberd_fake.__main__ import object_document
 from grabberd_fake.liner_truth import quantities_of
 from grabberd_fake.options import FakeOptions
 from grabberd_fake.wall_states import wall_states

@@ -13,7 +13,7 @@ from tests.proofs.bench.pressure_case import SOUGHT_KPA, Figures, Given, paragra
 from grabberd.core.reconstruction import Points
 from grabberd.errors import AnalysisError
 from grabberd_liner.analysis.estimate import Estimate
-from grabberd_liner.analysis.load.pressure_model import PressureModel
+from grabberd_liner.analysis.load.pressure import PressureModel
 from grabberd_liner.analysis.surface.fitting import fit_surface
 from grabberd_liner.analysis.wall.strain import outer_places
 from grabberd_liner.chain.analysis.wall_series import Smoothings

@@ -11,8 +11,7 @@ from tests.liner.analysis.walls import SolvedLiner, pressure_map, with_noise
 from grabberd.core.geometry import Rig
 from grabberd.core.reconstruction import Points
 from grabberd.errors import AnalysisError
-from grabberd_liner.analysis.load.pressure import ChamberVacuum, PressureMap
-from grabberd_liner.analysis.load.pressure_model import PressureModel
+from grabberd_liner.analysis.load.pressure import ChamberVacuum, PressureMap, PressureModel
 
 Array = NDArray[np.float64]
 

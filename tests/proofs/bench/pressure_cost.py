@@ -11,9 +11,9 @@ from tests.liner.analysis.walls import solved
 
 from grabberd_liner.analysis.pulsation.movement import TimedPoints
 from grabberd_liner.chain.analysis.analyse import analyse
-from grabberd_liner.chain.analysis.field_points import FieldPoints
 from grabberd_liner.chain.analysis.inputs import read_inputs
 from grabberd_liner.chain.analysis.tables import tables
+from grabberd_liner.chain.analysis.wall_state import FieldPoints
 
 Array = NDArray[np.float64]
 

@@ -12,7 +12,7 @@ from tests.proofs.bench.pressure_case import SOUGHT_KPA, Given, paragraph
 from grabberd_fake.wall_states import buckling_kpa, touch_kpa
 from grabberd_liner.analysis.load.collapse import Collapse, collapse
 from grabberd_liner.analysis.load.empty_ramp import LinerValues, liner_values
-from grabberd_liner.analysis.load.pressure_model import PressureModel
+from grabberd_liner.analysis.load.pressure import PressureModel
 from grabberd_liner.analysis.wall.material import Material, Zone
 
 Array = NDArray[np.float64]

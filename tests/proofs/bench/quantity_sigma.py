@@ -18,7 +18,7 @@ from grabberd_liner.analysis.load.empty_ramp import liner_values, ramp_quantitie
 from grabberd_liner.analysis.pulsation.movement import TimedPoints
 from grabberd_liner.chain.analysis.analyse import FieldPoints, analyse
 from grabberd_liner.chain.analysis.inputs import read_inputs
-from grabberd_liner.chain.analysis.quantities import quantities
+from grabberd_liner.chain.analysis.tables import quantities
 
 Array = NDArray[np.float64]
 

@@ -53,7 +53,12 @@ class Daemon:
             self.process = subprocess.Popen(
                 [*command, "serve", "--config", str(file), "--port", "0"], env=environment, stderr=journal
             )
-        self.port = self._wait_for_port()
+        try:
+            self.port = self._wait_for_port()
+        except BaseException:
+            self.process.kill()
+            self.process.wait()
+            raise
 
     def _wait_for_port(self) -> int:
         end_s = time.monotonic() + PATIENCE_S

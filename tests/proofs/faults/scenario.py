@@ -158,7 +158,7 @@ def read(path: Path) -> Scenario:
         ValueError: it says what no scenario says; with the file and every problem.
     """
     try:
-        document = yaml.safe_load(path.read_text(encoding="utf-8"))
+        document = yaml.load(path.read_text(encoding="utf-8"), Loader=yaml.CSafeLoader)
         if not isinstance(document, dict):
             raise ValueError("it is no mapping of keys to values")
         return Scenario.model_validate({"name": path.stem, **document})

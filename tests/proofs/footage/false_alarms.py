@@ -14,7 +14,7 @@ from grabberd.core.field import Field, quantise, split_frame, unpack
 from grabberd.core.measurement import ThresholdRule, choose_threshold
 from grabberd.instrument.acquisition import REPEATED, GrabbedField
 from grabberd_fake import FakeGrabber, JumpingClock
-from grabberd_replay.repeats import RepeatMarks
+from grabberd_replay.footage import RepeatMarks
 from grabberd_replay.video import decoding
 from proofs.footage.containers import ffmpeg_grey
 

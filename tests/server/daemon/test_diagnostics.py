@@ -10,8 +10,7 @@ from running import running, sealed
 
 from grabberd.documents.enums import Role
 from grabberd.instrument.capture.capture_request import CaptureRequest
-from grabberd.server.daemon.diagnostics import bundle, daemon_parts, machine_parts
-from grabberd.server.daemon.journal import last_lines
+from grabberd.server.daemon.diagnostics import bundle, daemon_parts, last_lines, machine_parts
 
 
 def read(content: bytes) -> dict[str, str]:

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 
 import pytest
 
-from grabberd.server.daemon.journal import LastLines, document_of, last_lines, set_up_logging
+from grabberd.server.daemon.diagnostics import LastLines, document_of, last_lines, set_up_logging
 
 
 class Terminal(io.StringIO):

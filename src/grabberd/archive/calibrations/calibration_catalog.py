@@ -1,10 +1,14 @@
-"""The catalog of calibrations, stored and configured, and their rows in lists."""
+"""The catalog of calibrations, stored and configured, and the frames that come with the program."""
 
 import json
 from collections.abc import Callable, Mapping
 from datetime import datetime
+from functools import lru_cache
 from pathlib import Path
-from typing import Any
+from types import MappingProxyType
+from typing import Any, NamedTuple
+
+import numpy as np
 
 from grabberd.archive.state.calibration_store import (
     CalibrationRecord,
@@ -12,9 +16,19 @@ from grabberd.archive.state.calibration_store import (
     StoredCalibration,
     moment_of,
 )
-from grabberd.documents.calibrations import ActiveCalibration, CalibrationRow
+from grabberd.config import shipped_configs
+from grabberd.core.geometry import Reading
+from grabberd.core.reconstruction import ObjectModel
+from grabberd.core.reconstruction.object_model import FileKey
+from grabberd.documents.calibrations import (
+    ActiveCalibration,
+    CalibrationFrameRow,
+    CalibrationRow,
+    UnusableFrame,
+)
 from grabberd.documents.document import JsonObject
-from grabberd.errors import Conflict, ExtraMissing, GrabberdError, NotFound
+from grabberd.errors import Conflict, ExtraMissing, GrabberdError, InputError, NotFound
+from grabberd.files.documents import read_yaml
 
 Document = Mapping[str, Any]
 """A calibration as stored in its file."""
@@ -49,11 +63,6 @@ def active_calibration(document: Document, now: datetime, activated_utc: str | N
         age_days=round(age_days(document["created_utc"], now), 3),  # to some 90 s
         activated_utc=activated_utc,
     )
-
-
-def newest_first(row: CalibrationRow) -> tuple[bool, datetime, str]:
-    """Sort key for descending order: newest first, damaged ones last."""
-    return row.created_utc is not None, moment_of(row.created_utc or "0001-01-01"), row.id
 
 
 def age_days(created_utc: str, now: datetime) -> float:
@@ -94,6 +103,25 @@ def _row(calibration_id: str, document: Document, **known: str | None) -> Calibr
 HIDDEN = "the configuration has another calibration of this id, which takes precedence"
 
 
+class CalibrationHead(NamedTuple):
+    """A calibration as far as lists are sorted by it.
+
+    Attributes:
+        id: Its id.
+        created_utc: When it was created; None for a damaged one.
+        device: The device in whose configuration it is; None for a stored one.
+    """
+
+    id: str
+    created_utc: str | None
+    device: str | None = None
+
+    @property
+    def place(self) -> tuple[str, str]:
+        """Its place in a list."""
+        return self.created_utc or "", self.id
+
+
 class CalibrationCatalog:
     """Finds calibrations by id; configured ones take precedence over stored ones.
 
@@ -110,18 +138,26 @@ class CalibrationCatalog:
         self.store = CalibrationStore(directory)
         self.configured = dict(configured)
 
-    def rows(self) -> list[CalibrationRow]:
-        """Returns the rows of all calibrations, newest first, damaged ones last."""
-        stored = self.store.list()
+    def heads(self) -> list[CalibrationHead]:
+        """Returns the heads of all calibrations, newest first, damaged ones last."""
+        stored = [CalibrationHead(*known) for known in self.store.created().items()]
         # A calibration that is both configured and stored is listed once, with its record.
-        also_stored = {entry.id for entry in stored if entry.document in self.configured.values()}
-        rows = [self._stored_row(entry, entry.id in also_stored) for entry in stored]
-        rows += [
-            _row(document["id"], document, device=device, origin=CONFIGURATION)
+        configured = [
+            CalibrationHead(document["id"], document["created_utc"], device)
             for device, document in self.configured.items()
-            if document["id"] not in also_stored
+            if not self._is_stored(document)
         ]
-        return sorted(rows, key=newest_first, reverse=True)
+        return sorted([*stored, *configured], key=_newest_first, reverse=True)
+
+    def row(self, head: CalibrationHead) -> CalibrationRow:
+        """Returns the row of a calibration."""
+        if head.device is not None:
+            document = self.configured[head.device]
+            return _row(head.id, document, device=head.device, origin=CONFIGURATION)
+        row = stored_row(self.store.entry(head.id))
+        configured = self._configured(head.id)
+        hidden = configured is not None and not self._is_stored(configured)
+        return row.model_copy(update={"problem": row.problem or HIDDEN}) if hidden else row
 
     def find(self, calibration_id: str) -> Document:
         """Returns the document of a calibration.
@@ -194,16 +230,18 @@ class CalibrationCatalog:
         found = (document for document in self.configured.values() if document["id"] == calibration_id)
         return next(found, None)
 
-    def _stored_row(self, entry: StoredCalibration, also_configured: bool) -> CalibrationRow:
-        row = stored_row(entry)
-        hidden = self._configured(entry.id) is not None and not also_configured
-        return row.model_copy(update={"problem": row.problem or HIDDEN}) if hidden else row
+    def _is_stored(self, document: Document) -> bool:
+        return self.store.entry(document["id"]).document == document
 
     def _beside(self, calibration_id: str, read: Callable[[str], bytes | None]) -> bytes | None:
         """Reads a file stored beside a calibration; None if the calibration is only configured."""
         if self._configured(calibration_id) and calibration_id not in self.store:
             return None
         return read(calibration_id)
+
+
+def _newest_first(head: CalibrationHead) -> tuple[bool, datetime, str]:
+    return head.created_utc is not None, moment_of(head.created_utc or "0001-01-01"), head.id
 
 
 def _no_page(calibration_id: str, record: CalibrationRecord) -> GrabberdError:
@@ -214,3 +252,107 @@ def _no_page(calibration_id: str, record: CalibrationRecord) -> GrabberdError:
     error = ExtraMissing(what, record.missing_extra)
     error.hint += " and recalibrate; its numbers are in report.json beside it"
     return error
+
+
+CALIBRATION_FRAME_KEYS: Mapping[str, FileKey] = MappingProxyType(
+    {
+        "certificate": FileKey(
+            "anything",
+            "",
+            "none",
+            "Number, laboratory, date; stored with every calibration and shown in its report.",
+        ),
+        "temperature_C": FileKey(
+            "number", "°C", "none", "Temperature at which they were measured; stored and shown likewise."
+        ),
+        "check_length": FileKey(
+            "mapping",
+            "",
+            "none",
+            "Distance between two targets, certified independently of the positions: only this reveals a "
+            "file whose scale is wrong.",
+        ),
+    }
+)
+"""Additional keys of a calibration frame's document, compared with an object model."""
+
+
+FRAMES_FOLDER = "calibration-frames"
+
+
+def known_calibration_frames(config_file: Path | None = None) -> dict[str, Path]:
+    """Returns the files in `calibration-frames`, by name without suffix: those beside the configuration file,
+    or if there are none, those that come with the program.
+    """
+    own = config_file.parent if config_file else shipped_configs()
+    return _files(own) or _files(shipped_configs())
+
+
+def _files(folder: Path) -> dict[str, Path]:
+    return {path.stem: path for path in sorted((folder / FRAMES_FOLDER).glob("*.yaml"))}
+
+
+def frame_row(name: str, path: Path) -> CalibrationFrameRow | UnusableFrame:
+    """A known calibration frame, or what is wrong with its file."""
+    try:
+        return _frame_row(name, path, path.stat().st_mtime_ns)
+    except OSError as error:
+        problem = f"{path} cannot be read: {error.strerror}"
+        return UnusableFrame(name=name, problem=problem, hint="let the daemon's user read it, or remove it")
+    except InputError as error:
+        return UnusableFrame(name=name, problem=error.message, hint=error.hint)
+
+
+@lru_cache(256)
+def _frame_row(name: str, path: Path, _changed_ns: int) -> CalibrationFrameRow:
+    """The distinguishing properties; cached until the file changes."""
+    model = calibration_frame_model(read_yaml(path), str(path))
+    sizes = np.ptp(model.xyz_mm[:, :2], axis=0).round(1).tolist()
+    return CalibrationFrameRow(
+        name=name,
+        targets=len(model),
+        target_diameter_mm=model.target_diameter_mm,
+        size_mm=sorted(sizes, reverse=True),
+    )
+
+
+def calibration_frame_document(
+    wanted: str | JsonObject | None, config_file: Path | None = None
+) -> JsonObject:
+    """Returns a calibration frame's document: as given, by name, or the only one there is.
+
+    Raises:
+        NotFound: No calibration frame has that name, or a name is needed.
+        InputError: The file cannot be read.
+    """
+    if isinstance(wanted, Mapping):
+        return dict(wanted)
+    # The name may come from a client: it is looked up, never made part of a path.
+    known = known_calibration_frames(config_file)
+    if wanted is None and len(known) == 1:
+        return read_yaml(next(iter(known.values())))
+    name = (wanted or "").removesuffix(".yaml")
+    named = _files(shipped_configs()) | known
+    if name not in named:
+        problem = "no calibration frame is named" if wanted is None else f"no calibration frame {wanted!r}"
+        names = ", ".join(known) or "none is installed"
+        raise NotFound(problem, f"name one of: {names}; or give its document, with its targets")
+    return read_yaml(named[name])
+
+
+def calibration_frame_model(document: JsonObject, what: str = "the calibration frame's file") -> ObjectModel:
+    """Returns the targets of a calibration frame's document.
+
+    Args:
+        document: The content of the file.
+        what: How a refusal calls it.
+
+    Raises:
+        InputError: The document is invalid.
+    """
+    reading = Reading(what)
+    if document.get("temperature_C") is not None:
+        reading.number(document, "temperature_C")
+    reading.finish("give the temperature at which the positions were measured in °C, or leave the key out")
+    own = {key: document[key] for key in document if key not in CALIBRATION_FRAME_KEYS}
+    return ObjectModel.from_document(own, what)

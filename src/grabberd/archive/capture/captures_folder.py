@@ -13,6 +13,7 @@ from contextlib import suppress
 from pathlib import Path
 from urllib.parse import quote_from_bytes
 
+from grabberd import runtime
 from grabberd.errors import Cause, StorageError
 from grabberd.files.disk import DirectoryLock, storage_errors, write_through
 
@@ -147,7 +148,7 @@ def plainly_named(path: Path) -> Path | None:
         if not plain.exists():
             break
     try:
-        os.rename(path, plain)
+        runtime.rename(path, plain)
     except OSError as error:
         log.error("%r stays unlisted, since it cannot be renamed: %s", os.fsencode(path), error)
         return None

@@ -13,9 +13,17 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from grabberd.archive.capture.checked_rows import END, CheckedRows, Kind, query_rows
-from grabberd.archive.capture.codec import decode_points
-from grabberd.archive.capture.digests import FIELDS, Damage, Row, points_prefix
+from grabberd.archive.capture.digests import (
+    END,
+    FIELDS,
+    CheckedRows,
+    Damage,
+    Kind,
+    Row,
+    points_prefix,
+    query_rows,
+)
+from grabberd.archive.capture.encodings import decode_field_points
 from grabberd.archive.capture.meta import LARGEST_TIME_NS
 from grabberd.archive.capture.rows import FIELD_COLUMNS, RecordedField, recorded_field
 from grabberd.archive.capture.schema import reading_errors
@@ -177,12 +185,12 @@ class RowContent(Content):
 
 def _decoded(row: Row) -> Points:
     _, _, count, data = row
-    return decode_points(data, count)
+    return decode_field_points(data, count)
 
 
 def _point_arrays(row: Row) -> PointArrays:
     n, time_ns, _, count, data = row
     if not isinstance(time_ns, int) or not 0 <= time_ns < LARGEST_TIME_NS:
         raise ValueError(f"time_ns is {time_ns!r}")
-    points = decode_points(data, count)
+    points = decode_field_points(data, count)
     return PointArrays(np.array([n]), np.array([time_ns]), np.array([count]), points)

@@ -8,12 +8,13 @@ from contextlib import closing
 from pathlib import Path
 from typing import Any
 
-from grabberd.archive.capture.checked_rows import END, FIELDS_AT_ONCE, some_rows
+from grabberd.archive.capture.digests import END, FIELDS_AT_ONCE, some_rows
 from grabberd.archive.capture.group_content import picture_groups
 from grabberd.archive.capture.meta import CaptureMeta, read_conversion
 from grabberd.archive.capture.rows import FIELD_COLUMNS
 from grabberd.archive.capture.schema import FORMAT_1, connect, format_of, reading_errors
 
+_MARKS = "SELECT key, value FROM meta WHERE key GLOB 'marks.*' ORDER BY key"
 _OF_META = ("id", "created_utc", "start_ns", "device", "config", "site", "labels", "note")
 
 
@@ -29,7 +30,7 @@ def document_bytes(document: Any) -> bytes:
 
 
 def content_sha256(path: Path, meta: CaptureMeta) -> str:
-    """SHA-256 of a capture's fields as stored, and of its metadata.
+    """SHA-256 of a capture's fields as stored, of the places of its marks, and of its metadata.
 
     The verdict and everything else written by sealing or a new run is excluded. A converted capture keeps the
     digest of its original format, with which it was compared field by field.
@@ -47,6 +48,8 @@ def content_sha256(path: Path, meta: CaptureMeta) -> str:
             # With the length, so that the digest also covers where the data end.
             digest.update(document_bytes({**head, "data": len(data)}))
             digest.update(data)
+        for key, value in connection.execute(_MARKS):
+            digest.update(document_bytes({key: value}))
     return digest.hexdigest()
 
 

@@ -12,14 +12,23 @@ from typing import NamedTuple, TypeVar
 
 import numpy as np
 
+from grabberd import runtime
 from grabberd.archive.capture.content_digest import content_sha256
 from grabberd.archive.capture.digests import write_sealed_digest
+from grabberd.archive.capture.encodings import COLUMNS, quantised
 from grabberd.archive.capture.meta import CONVERSION, SEALED, Conversion, write_meta
-from grabberd.archive.capture.point_codec import COLUMNS, quantised
 from grabberd.archive.capture.reader import CaptureReader
 from grabberd.archive.capture.rows import RecordedField
 from grabberd.archive.capture.runs import alone
-from grabberd.archive.capture.schema import FORMAT_1, PART, VERSION, connect, format_of, reading_errors
+from grabberd.archive.capture.schema import (
+    FORMAT_1,
+    FREE_RESERVE,
+    PART,
+    VERSION,
+    connect,
+    format_of,
+    reading_errors,
+)
 from grabberd.archive.capture.verification import verify
 from grabberd.archive.capture.writer import CaptureWriter
 from grabberd.core.ledger import Slot
@@ -100,7 +109,7 @@ def _copy(reader: CaptureReader, part: Path, progress: Progress) -> None:
     """Writes fields and points like a running capture; each commit is read back."""
     # Without a reserve: if the disk is full, nothing is lost.
     writer = CaptureWriter.create(part, reader.meta, reserve_bytes=0)
-    total = max(reader.field_count, 1) * (1 + len(reader.runs))
+    total = max(reader.field_count, 1) * (1 + reader.run_count)
     done = itertools.count(1)
 
     def written() -> None:
@@ -112,9 +121,9 @@ def _copy(reader: CaptureReader, part: Path, progress: Progress) -> None:
         for recorded in reader.fields():
             writer.append([_slot(recorded)])
             written()
-        for run in reader.runs:
-            for n, points in reader.points(run.run):
-                writer.append_points(run.run, n, points)
+        for run in reader.run_numbers:
+            for n, points in reader.points(run):
+                writer.append_points(run, n, points)
                 written()
         writer.commit()
     finally:
@@ -130,7 +139,7 @@ def _finish(source: sqlite3.Connection, part: Path, conversion: Conversion) -> N
     """Copies metadata, ledger and runs, and seals the file."""
     with closing(connect(part, writable=True)) as connection:
         connection.execute("BEGIN IMMEDIATE")
-        connection.execute("DELETE FROM reserve")
+        connection.execute(FREE_RESERVE)
         for table, columns in (("ledger", 4), ("runs", 9)):
             rows = source.execute(f"SELECT * FROM {table}").fetchall()  # noqa: S608 - constants
             marks = ", ".join("?" * columns)
@@ -200,5 +209,5 @@ def _replace(part: Path, path: Path) -> None:
     if (old.st_uid, old.st_gid) != (os.geteuid(), os.getegid()):
         os.chown(part, old.st_uid, old.st_gid)
     shutil.copystat(path, part)  # retention counts a capture's age from its last change
-    os.replace(part, path)
+    runtime.replace(part, path)
     sync_directory(path.parent)

@@ -4,8 +4,8 @@
 """
 
 import itertools
+import logging
 import math
-import os
 import shutil
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -13,24 +13,38 @@ from datetime import datetime
 from pathlib import Path
 from typing import NamedTuple
 
+from grabberd import runtime
 from grabberd.archive.capture.digests import write_sealed_digest
 from grabberd.archive.capture.meta import SEALED, CaptureMeta, write_meta
 from grabberd.archive.capture.reader import CaptureReader
 from grabberd.archive.capture.recorded_channels import close_account, read_account, write_account
 from grabberd.archive.capture.rows import write_ledger
-from grabberd.archive.capture.schema import DAMAGED, PART, connect, reading_errors, sealed_path
+from grabberd.archive.capture.salvage import SAVE
+from grabberd.archive.capture.schema import (
+    DAMAGED,
+    FREE_RESERVE,
+    PART,
+    connect,
+    reading_errors,
+    sealed_path,
+)
 from grabberd.archive.capture.writer import FAILED, RUNNING, publish
 from grabberd.archive.guarded_database import JOURNAL
 from grabberd.clock import Now
 from grabberd.core.ledger import Ledger, LedgerEntry, Outcome
-from grabberd.errors import CaptureFileError, LaterVersion, StorageError
+from grabberd.errors import CaptureFileError, GrabberdError, LaterVersion, StorageError, count_of
 from grabberd.files.disk import DirectoryLock, scratch_folder, storage_errors
+from grabberd.work.process import HOSTILE, ask_each
 
 REASON = ".txt"
 INTERRUPTED = "the program ended while it was recording"
 UNSEALED = "the program ended before it was sealed"
 PREFIX = ".grabberd-"
 """Prefix of the hidden folders for recording."""
+_LONGEST_S, _BYTES_A_SECOND = 60.0, 2_000_000
+"""Time for saving what is whole of a file, which delays the start, and that for its size."""
+
+log = logging.getLogger(__name__)
 
 
 class Tail(NamedTuple):
@@ -50,7 +64,8 @@ def recover(part: Path, now: Now | None = None) -> Path:
 
     SQLite rolls back an unfinished commit when the file is opened. For a capture of given length, the number
     of missing fields is known. Otherwise it is bounded by the time until now, measured by the monotonic clock
-    if the computer has not been restarted since. A file that cannot be read is set aside.
+    if the computer has not been restarted since. A file that cannot be read is set aside, and what is whole
+    of it, if anything, is sealed in its place.
 
     Args:
         part: The file.
@@ -61,15 +76,60 @@ def recover(part: Path, now: Now | None = None) -> Path:
         StorageError: The file cannot be written.
     """
     try:
-        _seal_if_need_be(part, now or Now.by_the_system())
+        _seal_at_second_sight(part, now or Now.by_the_system())
     except LaterVersion:
         raise
     except CaptureFileError as error:
-        return set_aside(part, error.message)
+        aside = set_aside(part, error.message)
+        return save_whole(aside, now) or aside
+    return _published(part)
+
+
+def _published(part: Path) -> Path:
     with storage_errors(part):
         # SQLite keeps the journal's file after its transaction (PERSIST), but a sealed capture is one file.
         part.with_name(part.name + JOURNAL).unlink(missing_ok=True)
         return publish(part)
+
+
+def save_whole(aside: Path, now: Now | None = None) -> Path | None:
+    """Seals what is whole of a file that was set aside, in its former place; None if nothing can be saved.
+
+    It is read by another process, which may crash or take too long.
+
+    Args:
+        aside: The file in the folder `damaged`, where it stays.
+        now: See `recover`.
+    """
+    part = aside.parent.parent / f"{sealed_path(aside).name}{PART}"
+    if part.exists() or sealed_path(part).exists():
+        return None
+    try:
+        [(_, fields)] = ask_each(HOSTILE, SAVE, [aside], _longest_s, part)
+        if not fields:
+            return None
+        _seal_if_need_be(part, now or Now.by_the_system())
+        saved = _published(part)
+        with reason_of(aside).open("a", encoding="utf-8") as reason:
+            reason.write(f"what is whole of it is in {saved.name}: {count_of(fields, 'field')}\n")
+    except (GrabberdError, OSError, RuntimeError) as error:
+        log.warning("nothing of %s could be saved: %s", aside.name, error)
+        return None
+    return saved
+
+
+def _longest_s(path: Path) -> float:
+    return _LONGEST_S + path.stat().st_size / _BYTES_A_SECOND
+
+
+def _seal_at_second_sight(part: Path, now: Now) -> None:
+    """Seals it; SQLite says of a disk that failed for a moment what it says of a damaged file."""
+    try:
+        _seal_if_need_be(part, now)
+    except LaterVersion:
+        raise
+    except CaptureFileError:
+        _seal_if_need_be(part, now)
 
 
 def _seal_if_need_be(part: Path, now: Now) -> None:
@@ -86,9 +146,9 @@ def _seal_if_need_be(part: Path, now: Now) -> None:
 def _seal(part: Path, ledger: Ledger, because: str) -> None:
     connection = connect(part, writable=True)
     try:
-        with storage_errors(part), connection:
+        with storage_errors(part, takes_damage=False), connection:
             connection.execute("BEGIN IMMEDIATE")
-            connection.execute("DELETE FROM reserve")
+            connection.execute(FREE_RESERVE)
             write_ledger(connection, ledger)
             if (account := read_account(connection)) is not None:
                 write_account(connection, close_account(connection, account))
@@ -150,8 +210,8 @@ def set_aside(path: Path, reason: str) -> Path:
         reason_of(aside).write_text(reason + "\n", encoding="utf-8")
         journal = path.with_name(path.name + JOURNAL)
         if journal.exists():  # repairing the database needs it
-            os.rename(journal, aside.with_name(aside.name + JOURNAL))
-        os.rename(path, aside)
+            runtime.rename(journal, aside.with_name(aside.name + JOURNAL))
+        runtime.rename(path, aside)
     return aside
 
 
@@ -217,8 +277,8 @@ def seal(part: Path) -> Path:
             reason = reason_of(sealed).read_text(encoding="utf-8").strip()
             raise CaptureFileError(reason, f"it is kept as {sealed}")
         with storage_errors(final):
-            os.rename(sealed, final)
-    if hidden:
+            runtime.rename(sealed, final)
+    if hidden and not (part.parent / DAMAGED).exists():
         shutil.rmtree(part.parent, ignore_errors=True)
     return final
 

@@ -9,9 +9,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from grabberd.archive.capture.checked_rows import END, Kind, some_rows
 from grabberd.archive.capture.content import Content, PointArrays
-from grabberd.archive.capture.digests import FIELDS, Damage, Row, points_prefix
+from grabberd.archive.capture.digests import END, FIELDS, Damage, Kind, Row, points_prefix, some_rows
+from grabberd.archive.capture.encodings import COLUMNS
 from grabberd.archive.capture.groups import (
     FIELD_COLUMNS,
     MOST_FIELDS,
@@ -23,9 +23,9 @@ from grabberd.archive.capture.groups import (
     recorded_fields,
 )
 from grabberd.archive.capture.meta import LARGEST_TIME_NS
-from grabberd.archive.capture.point_codec import COLUMNS
 from grabberd.archive.capture.rows import RecordedField
 from grabberd.archive.capture.schema import DAMAGE, reading_errors
+from grabberd.errors import count_of
 from grabberd.files.patience import check_patience
 
 _AT_ONCE = 2
@@ -55,8 +55,9 @@ _PICTURES_LOST = """SELECT n FROM fields WHERE n >= :first AND n < :end AND n < 
 _POINTS_LOST = """SELECT n FROM fields WHERE n >= :first AND n < :end AND n < coalesce(
     (SELECT min(first_n) FROM points WHERE first_n > :first AND run = :run), :end)
     AND outcome = 'received' ORDER BY n LIMIT :some"""
-_WITHOUT_PICTURE = """SELECT count(*) FROM fields AS f WHERE f.n > coalesce(
+WITHOUT_PICTURE = """WHERE f.n > coalesce(
     (SELECT last_n FROM pictures WHERE first_n <= f.n ORDER BY first_n DESC LIMIT 1), -1)"""
+_COUNT_WITHOUT_PICTURE = f"SELECT count(*) FROM fields AS f {WITHOUT_PICTURE}"  # noqa: S608 - constants
 
 
 class _TimedGroup(NamedTuple):
@@ -97,8 +98,8 @@ def _lost(query: str) -> Callable[[sqlite3.Connection, Mapping[str, int]], list[
     return lost
 
 
-_PICTURE_GROUPS = Kind("field", picture_groups, lost=_lost(_PICTURES_LOST))
-_POINT_GROUPS = Kind(
+PICTURE_GROUPS = Kind("field", picture_groups, lost=_lost(_PICTURES_LOST))
+POINT_GROUPS = Kind(
     "points",
     _timed_groups,
     key=lambda row: row.points.first_n,
@@ -140,7 +141,7 @@ class GroupContent(Content):
             (self._pictures[0].numbered.n, self._pictures[-1].numbered.n), first_n, end_n
         ):
             wanted = (self._start(_PICTURES_START, first_n), end_n, first_n)
-            groups = self._rows.each(_PICTURE_GROUPS, FIELDS, recorded_fields, *wanted)
+            groups = self._rows.each(PICTURE_GROUPS, FIELDS, recorded_fields, *wanted)
         for group in groups:
             if self._keeps:
                 self._pictures = group
@@ -162,13 +163,13 @@ class GroupContent(Content):
             return
         wanted = (self._start(_POINTS_START, first_n, run), end_n, first_n)
         # Missing groups are found by `check_points`, as in format 1.
-        kind = _POINT_GROUPS._replace(whole=False)
+        kind = POINT_GROUPS._replace(whole=False)
         yield from filter(None, self._rows.each(kind, points_prefix(run), decode, *wanted, run=run))
 
     def check_points(self, run: int, first_n: int, end_n: int) -> None:
         """See `Content`."""
         wanted = (self._start(_POINTS_START, first_n, run), end_n, first_n)
-        rows = self._rows.each(_POINT_GROUPS, points_prefix(run), lambda _: None, *wanted, run=run)
+        rows = self._rows.each(POINT_GROUPS, points_prefix(run), lambda _: None, *wanted, run=run)
         deque(rows, maxlen=0)
 
     def point_count(self, run: int, first_n: int, end_n: int, every: int) -> int:
@@ -188,14 +189,14 @@ class GroupContent(Content):
             measured_points(group.points)
             return len(measured_fields(group.points)[0])
 
-        kind = _POINT_GROUPS._replace(what="points" if run == 1 else f"points of run {run}")
+        kind = POINT_GROUPS._replace(what="points" if run == 1 else f"points of run {run}")
         return sum(self._rows.each(kind, points_prefix(run), decode, run=run))
 
     def unaccounted(self) -> list[str]:
         """See `Content`."""
         with reading_errors(self._path):
-            fields = self._connection.execute(_WITHOUT_PICTURE).fetchone()[0]
-        return [f"{fields} fields have no picture"] if fields else []
+            fields = self._connection.execute(_COUNT_WITHOUT_PICTURE).fetchone()[0]
+        return [f"{count_of(fields, 'field')} without a picture"] if fields else []
 
     def _start(self, query: str, *values: int) -> int:
         """First number of the group that a field may be in."""

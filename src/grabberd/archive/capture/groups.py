@@ -1,20 +1,31 @@
-"""Format 2 of the capture file: groups of fields, compressed together in one row, and groups being collected.
+"""Format 2 of the capture file: groups of fields, compressed in one row each, and the table of points.
 
 A group contains the fields of one commit, half a second at 50 Hz. Invalid rows are errors, never guessed at.
+Of the table of points, both formats are written, read back and checked.
 """
 
 import math
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from grabberd.archive.capture.codec import MOST_POINTS, frame_of, unpacked
 from grabberd.archive.capture.digests import Row
+from grabberd.archive.capture.encodings import (
+    COLUMNS,
+    MOST_POINTS,
+    PointColumns,
+    decode_field_points,
+    decode_points,
+    encode_field_points,
+    encode_points,
+    frame_of,
+    unpacked,
+)
 from grabberd.archive.capture.meta import LARGEST_N
-from grabberd.archive.capture.point_codec import COLUMNS, PointColumns, decode_points, encode_points
 from grabberd.archive.capture.rows import RecordedField, check_field, check_picture, field_of
+from grabberd.archive.capture.schema import FORMAT_1
 from grabberd.core.field import NumberedField, PackedField, packed_shape
 from grabberd.core.reconstruction.points import Points
 
@@ -183,11 +194,16 @@ def decode_pictures(data: bytes, count: int, rows: int, columns: int, bits: int)
 
 
 class PicturesInWaiting:
-    """Fields collected for a group."""
+    """Fields collected for a group.
+
+    Attributes:
+        marks: Numbers of those fields whose marks were located, and (K, 3) their places.
+    """
 
     def __init__(self) -> None:
         self._fields: list[Row] = []
         self._packed: list[PackedField] = []
+        self.marks: list[tuple[int, NDArray[np.float32]]] = []
 
     def __len__(self) -> int:
         return len(self._fields)
@@ -209,6 +225,8 @@ class PicturesInWaiting:
         where = (int(numbered.n), int(numbered.time_ns), sequence, packed.parity, packed.y0, packed.y_step)
         self._fields.append((*where, int(packed.threshold), outcome, reason))
         self._packed.append(packed)
+        if packed.marks is not None:
+            self.marks.append((int(numbered.n), packed.marks))
 
     @property
     def newest(self) -> PackedField:
@@ -269,3 +287,59 @@ def points_in_groups(run: int, fields: Iterable[tuple[int, Points]]) -> Iterator
         waiting.add(run, n, points)
     if waiting:
         yield waiting.group()
+
+
+class PointTable(NamedTuple):
+    """The table of points in one format; a row's first cells are the run and its key.
+
+    Attributes:
+        key: Name of the column that is unique within a run.
+        columns: Number of columns.
+        rows_a_commit: Rows per commit, few enough for SQLite's page cache: a transaction that outgrows it
+            locks out readers.
+        encode: Encodes fields and their points, in order, as rows of a run.
+        digested: Returns the form of a row that its digest covers.
+        check: Decodes a row.
+    """
+
+    key: str
+    columns: int
+    rows_a_commit: int
+    encode: Callable[[int, Iterable[tuple[int, Points]]], Iterator[Row]]
+    digested: Callable[[Row], Row]
+    check: Callable[[Row], object]
+
+    @property
+    def insert(self) -> str:
+        """Statement that adds a row."""
+        return f"INSERT INTO points VALUES ({', '.join('?' * self.columns)})"  # noqa: S608 - marks
+
+    @property
+    def select(self) -> str:
+        """Query for the row of a run and a key."""
+        return f"SELECT * FROM points WHERE run = ? AND {self.key} = ?"  # noqa: S608 - a constant
+
+
+def _encode_single(run: int, fields: Iterable[tuple[int, Points]]) -> Iterator[Row]:
+    return ((run, int(n), len(points), encode_field_points(points)) for n, points in fields)
+
+
+def _encode_groups(run: int, fields: Iterable[tuple[int, Points]]) -> Iterator[Row]:
+    return (group.row for group in points_in_groups(run, fields))
+
+
+def _check_group(row: Row) -> None:
+    group = PointGroup.of(row)
+    measured_fields(group)
+    measured_points(group)
+
+
+SINGLE = PointTable(
+    "n", 4, 500, _encode_single, lambda row: row, lambda row: decode_field_points(row[3], row[2])
+)
+GROUPED = PointTable("first_n", 14, 10, _encode_groups, lambda row: PointGroup.of(row).digested, _check_group)
+
+
+def point_table(version: int) -> PointTable:
+    """The table in the format of this version."""
+    return SINGLE if version == FORMAT_1 else GROUPED

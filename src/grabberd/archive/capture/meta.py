@@ -1,16 +1,28 @@
-"""The table `meta` of a capture file: a JSON value for each key, validated when read."""
+"""The table `meta` of a capture file: a JSON value for each key, validated when read.
 
+Among them are the marks on the cup: the raw places that those of each field were located at, before any
+correction, a row for each group of fields. Earlier versions ignore keys that they do not know.
+"""
+
+import base64
+import binascii
 import json
 import sqlite3
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, field, fields
 from datetime import UTC, datetime
+from pathlib import Path
 from typing import Annotated, Any, Literal, cast
 
+import numpy as np
+from numpy.typing import NDArray
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationError
 
+from grabberd.archive.capture.schema import reading_errors
 from grabberd.core.field import BIT_DEPTHS
-from grabberd.files.json_value import read_json
+from grabberd.core.measurement.marks import MOST_MARKS, Located
+from grabberd.errors import said
+from grabberd.files.documents import read_json
 
 CONVERSION = "conversion"
 """Key of the record of a capture's conversion."""
@@ -20,6 +32,21 @@ LONGEST_TEXT = 10_000
 """Longest note or label in characters."""
 LONGEST_REASON = 1 << 20
 """Longest reason in characters; those of drivers are stored unabridged."""
+LARGEST_TEXTS = 20_000
+"""Characters of all labels together, or of all names of the site; the API takes 12 800."""
+LARGEST_FINDING = 20_000
+"""Characters of what the points tell about the rig, or about the order of fields, as JSON."""
+LARGEST_VALUE = 1 << 18
+"""Characters of a value, as JSON; a device's configuration takes some thousands."""
+LARGEST_EXTRA = 2 << 20
+"""Those of further findings, which have the rebases."""
+LONGEST_NAME = 200
+LONGEST_SAID = 200
+"""Characters of a message about something of any length."""
+MOST_RUNS = 1000
+"""Largest number of runs of a capture."""
+MOST_EVENTS = 10_000
+"""Largest number of rebases; further ones are counted by the last that is listed."""
 LARGEST_TIME_NS = 1 << 62
 """Upper bound of a monotonic time, 146 years after the computer's start."""
 LARGEST_N = 1 << 31
@@ -96,6 +123,18 @@ def _utc(text: str) -> str:
     return text
 
 
+def _few(texts: dict[str, str]) -> dict[str, str]:
+    if sum(len(name) + len(text) for name, text in texts.items()) > LARGEST_TEXTS:
+        raise ValueError(f"they have more than {LARGEST_TEXTS} characters")
+    return texts
+
+
+def _short(finding: dict[str, Any]) -> dict[str, Any]:
+    if len(json.dumps(finding)) > LARGEST_FINDING:
+        raise ValueError(f"it has more than {LARGEST_FINDING} characters")
+    return finding
+
+
 def _bits(bits: int) -> int:
     if bits not in BIT_DEPTHS:
         raise ValueError(f"not one of {', '.join(map(str, BIT_DEPTHS))}")
@@ -104,10 +143,11 @@ def _bits(bits: int) -> int:
 
 _PROGRESSIVE = "progressive"
 _EARLIEST, _LATEST = datetime(1970, 1, 1, tzinfo=UTC), datetime(2200, 1, 1, tzinfo=UTC)
-_Name = Annotated[str, Field(max_length=200)]
+_Name = Annotated[str, Field(max_length=LONGEST_NAME)]
 _Text = Annotated[str, Field(max_length=LONGEST_TEXT)]
 _Reason = Annotated[str, Field(max_length=LONGEST_REASON)]
-_Texts = Annotated[dict[_Name, _Text], Field(max_length=200)]
+_Texts = Annotated[dict[_Name, _Text], Field(max_length=200), AfterValidator(_few)]
+_Finding = Annotated[dict[str, Any], AfterValidator(_short)]
 TimeNs = Annotated[int, Field(ge=0, lt=LARGEST_TIME_NS)]
 _Count = Annotated[int, Field(ge=0, lt=LARGEST_N)]
 _Utc = Annotated[str, Field(max_length=40), AfterValidator(_utc)]
@@ -157,9 +197,9 @@ class _Extra(StoredPart):
     trigger: _Trigger | None = None
     order: _Order | None = None
     group: _Group | None = None
-    rig: dict[str, Any] | None = None
-    field_order: dict[str, Any] | None = None
-    rebases: list[_Event] = []
+    rig: _Finding | None = None
+    field_order: _Finding | None = None
+    rebases: Annotated[list[_Event], Field(max_length=MOST_EVENTS)] = []
 
 
 class StoredMeta(StoredPart):
@@ -184,6 +224,9 @@ class StoredMeta(StoredPart):
     extra: _Extra = _Extra()
 
 
+_SMALL = {one.name for one in fields(CaptureMeta)} - {"extra", "ended_because"}
+
+
 def write_meta(connection: sqlite3.Connection, values: Mapping[str, Any]) -> None:
     """Writes keys within the caller's transaction."""
     rows = [(key, json.dumps(value, ensure_ascii=False)) for key, value in values.items()]
@@ -197,19 +240,50 @@ def read_meta(connection: sqlite3.Connection) -> CaptureMeta:
         ValueError: A required key is missing, or a value is invalid.
     """
     known = [one.name for one in fields(CaptureMeta)]
-    query = f"SELECT key, value FROM meta WHERE key IN ({', '.join('?' * len(known))})"  # noqa: S608 - marks
-    stored = {key: read_json(value) for key, value in connection.execute(query, known)}
+    stored = {key: read_json(value) for key, value in _values(connection, known)}
     _check(stored)
     return CaptureMeta(**stored)
+
+
+def read_value(connection: sqlite3.Connection, key: str) -> Any:
+    """The value of a key; None if the file does not have it.
+
+    Raises:
+        ValueError: It is damaged, or too large.
+    """
+    return next((read_json(value) for _, value in _values(connection, [key])), None)
+
+
+def _values(connection: sqlite3.Connection, keys: Sequence[str]) -> list[tuple[str, str]]:
+    """The values of keys as JSON, none of which is read if it is too large."""
+    largest = max(map(_largest, keys))
+    query = f"""SELECT key, CASE WHEN length(value) <= {largest} THEN value END FROM meta
+        WHERE key IN ({", ".join("?" * len(keys))})"""  # noqa: S608 - marks and a number
+    rows: list[tuple[str, str]] = connection.execute(query, keys).fetchall()
+    for key, value in rows:
+        _check_size(key, value)
+    return rows
+
+
+def _check_size(key: str, value: str | None) -> None:
+    if value is None or len(value) > _largest(key):
+        raise ValueError(f"{key} has more than {_largest(key)} characters")
+
+
+def _largest(key: str) -> int:
+    return LARGEST_VALUE if key in _SMALL else LARGEST_EXTRA
 
 
 def check_meta(meta: CaptureMeta) -> None:
     """Checks that metadata can be read back once they are written.
 
     Raises:
-        ValueError: A value is invalid.
+        ValueError: A value is invalid, or too large.
     """
-    _check(read_json(json.dumps(asdict(meta))))
+    stored = {key: json.dumps(value, ensure_ascii=False) for key, value in asdict(meta).items()}
+    for key, value in stored.items():
+        _check_size(key, value)
+    _check({key: read_json(value) for key, value in stored.items()})
 
 
 def _check(stored: Any) -> None:
@@ -220,7 +294,7 @@ def _check(stored: Any) -> None:
 
 
 def _problem(error: Mapping[str, Any]) -> str:
-    return f"{'.'.join(map(str, error['loc']))} is {_shortened(error['input'])}: {error['msg']}"
+    return f"{'.'.join(map(str, error['loc']))} is {_shortened(error['input'])}: {said(error['msg'])}"
 
 
 def _shortened(value: Any) -> str:
@@ -233,10 +307,16 @@ def coverage_key(run: int) -> str:
     return f"coverage.{run}"
 
 
-def read_coverage(connection: sqlite3.Connection) -> dict[str, str]:
-    """The coverage of runs as JSON, by their keys."""
-    rows = connection.execute("SELECT key, value FROM meta WHERE key GLOB 'coverage.*'")
-    return dict(rows.fetchall())
+def read_coverage(connection: sqlite3.Connection, run: int) -> dict[str, Any] | None:
+    """The coverage of a run; None if the file has none.
+
+    Raises:
+        ValueError: It is damaged, or too large.
+    """
+    covered = read_value(connection, coverage_key(run))
+    if not isinstance(covered, dict | None):
+        raise ValueError(f"the coverage of run {run} is {covered!r}"[:LONGEST_SAID])
+    return covered
 
 
 class Conversion(StoredPart):
@@ -259,5 +339,104 @@ def read_conversion(connection: sqlite3.Connection) -> Conversion | None:
     Raises:
         ValueError: The record is damaged.
     """
-    row = connection.execute("SELECT value FROM meta WHERE key = ?", (CONVERSION,)).fetchone()
-    return None if row is None else Conversion.model_validate(read_json(row[0]))
+    stored = read_value(connection, CONVERSION)
+    return None if stored is None else Conversion.model_validate(stored)
+
+
+_PREFIX = "marks."
+BEFORE = "marks.before"
+"""Key of the marks of the fields before the first; in place of numbers they have parities."""
+_MOST_FIELDS = 128
+_FLOATS = np.dtype("<f4")
+_VALUES = 3
+"""Column, frame line and area of each mark."""
+_LONGEST = 1 << 17
+"""Longest value in characters: more than the largest valid group takes."""
+_GROUP = f"""SELECT CASE WHEN length(value) <= {_LONGEST} THEN value END FROM meta
+    WHERE key BETWEEN 'marks.' AND ? ORDER BY key DESC LIMIT 1"""  # noqa: S608 - constants
+
+
+_BEFORE = f"SELECT CASE WHEN length(value) <= {_LONGEST} THEN value END FROM meta WHERE key = ?"  # noqa: S608 - constants
+
+
+def write_marks(connection: sqlite3.Connection, fields: Sequence[tuple[int, Located]]) -> None:
+    """Writes the marks of some fields, in order, within the caller's transaction."""
+    if fields:
+        numbers = [n for n, _ in fields]
+        write_meta(connection, {_key(numbers[0]): _encoded(numbers, fields)})
+
+
+def write_marks_before(connection: sqlite3.Connection, fields: Sequence[tuple[int, Located]]) -> None:
+    """Writes parity and marks of the fields before the first, in order, within the caller's transaction."""
+    if fields:
+        write_meta(connection, {BEFORE: _encoded([parity for parity, _ in fields], fields)})
+
+
+def _encoded(numbers: list[int], fields: Sequence[tuple[int, Located]]) -> dict[str, Any]:
+    data = np.stack([marks for _, marks in fields]).astype(_FLOATS)
+    text = base64.b64encode(data.tobytes()).decode()
+    return {"n": numbers, "marks": int(data.shape[1]), "data": text}
+
+
+class RecordedMarks:
+    """Reads the marks of a capture file, a group at a time."""
+
+    def __init__(self, path: Path, connection: sqlite3.Connection) -> None:
+        self._path = path
+        self._connection = connection
+        self._group: dict[int, Located] = {}
+
+    def of(self, n: int) -> Located | None:
+        """(K, 3) float32 marks of a field; None if the file has none of it.
+
+        Raises:
+            CaptureFileError: They are damaged.
+        """
+        if n not in self._group:
+            with reading_errors(self._path):
+                row = self._connection.execute(_GROUP, (_key(n),)).fetchone()
+                self._group = {} if row is None else dict(_decoded(row[0]))
+        return self._group.get(n)
+
+    @property
+    def before(self) -> list[tuple[int, Located]]:
+        """Parity and marks of the fields before the first, in order.
+
+        Raises:
+            CaptureFileError: They are damaged.
+        """
+        with reading_errors(self._path):
+            row = self._connection.execute(_BEFORE, (BEFORE,)).fetchone()
+            return [] if row is None else _decoded(row[0])
+
+
+def _key(n: int) -> str:
+    # Padded, so that keys sort like numbers.
+    return f"{_PREFIX}{n:010d}"
+
+
+def _decoded(text: str | None) -> list[tuple[int, Located]]:
+    """The marks of a group with the numbers of their fields, or parities.
+
+    Raises:
+        ValueError: The group is damaged.
+    """
+    match read_json(text or ""):
+        case {"n": [*numbers], "marks": int(marks), "data": str(data)}:
+            return list(zip(numbers, _array(numbers, marks, data), strict=True))
+    raise ValueError("a group of marks is none")
+
+
+def _array(numbers: Sequence[Any], marks: int, data: str) -> NDArray[np.float32]:
+    if len(numbers) > _MOST_FIELDS or not 0 < marks <= MOST_MARKS:
+        raise ValueError(f"a group of {marks} marks in {len(numbers)} fields")
+    if not all(type(n) is int and 0 <= n < LARGEST_N for n in numbers):
+        raise ValueError(f"marks of the fields {numbers!r}")
+    try:
+        values = np.frombuffer(base64.b64decode(data, validate=True), _FLOATS)
+        located = values.reshape(len(numbers), marks, _VALUES)
+    except (binascii.Error, ValueError) as error:
+        raise ValueError(f"a group of marks is damaged: {error}") from error
+    if np.isinf(located).any():
+        raise ValueError("a mark is infinitely far away")
+    return located.astype(np.float32)

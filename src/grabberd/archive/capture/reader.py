@@ -4,33 +4,47 @@ import os
 import sqlite3
 from collections.abc import Callable, Collection, Iterator
 from contextlib import AbstractContextManager, closing, suppress
+from itertools import chain
 from pathlib import Path
 from typing import Self
 
 import numpy as np
 from numpy.typing import NDArray
 
-from grabberd.archive.capture.checked_rows import END
 from grabberd.archive.capture.content import Content, PointArrays, RowContent
-from grabberd.archive.capture.digests import CHANGED, Damage, changed_parts
+from grabberd.archive.capture.digests import CHANGED, END, Damage, changed_parts
 from grabberd.archive.capture.group_content import GroupContent
 from grabberd.archive.capture.meta import (
+    LARGEST_N,
     LARGEST_TIME_NS,
+    LONGEST_NAME,
+    LONGEST_REASON,
+    LONGEST_SAID,
+    MOST_RUNS,
     SEALED,
     CaptureMeta,
-    coverage_key,
+    RecordedMarks,
     read_coverage,
     read_meta,
 )
 from grabberd.archive.capture.recorded_channels import RecordedChannels
-from grabberd.archive.capture.rows import RecordedField, RunInfo, ledger, rebases_in, run_info
+from grabberd.archive.capture.recorded_ledger import Line, RecordedLedger, rebases_in
+from grabberd.archive.capture.rows import LARGEST_RUN, RecordedField, RunInfo, run_info
 from grabberd.archive.capture.schema import DAMAGE, FORMAT_1, connect, format_of, named_now, reading_errors
 from grabberd.archive.guarded_database import check_kind
 from grabberd.core.field import NumberedField
-from grabberd.core.ledger import Ledger, Outcome
+from grabberd.core.ledger import Ledger, LedgerEvent, Outcome
+from grabberd.core.measurement.marks import Located
 from grabberd.core.reconstruction.points import Points
 from grabberd.errors import CaptureFileError, NotFound
-from grabberd.files.patience import check_patience
+
+_SHORT_RUN = f"""SELECT run, kind, created_utc, version, state,
+    CASE WHEN length(reason) <= {LONGEST_REASON} THEN reason END"""
+_RUN_ALONE = f"{_SHORT_RUN}, 'null', 'null', 'null' FROM runs WHERE run = ?"
+_RUN = f"{_SHORT_RUN}, calibration, object, settings FROM runs WHERE run = ?"
+_INVALID_TIME = """SELECT n, time_ns FROM fields
+    WHERE typeof(time_ns) <> 'integer' OR time_ns NOT BETWEEN 0 AND ? LIMIT 1"""
+_RUN_NUMBERS = "SELECT run FROM runs ORDER BY run LIMIT ?"
 
 
 def content_of(path: Path, connection: sqlite3.Connection, left_out: list[Damage] | None = None) -> Content:
@@ -94,20 +108,24 @@ class CaptureReader:
     @property
     def ledger(self) -> Ledger:
         """The ledger, from the fields in the file and the entries for all others."""
-        kept = "SELECT n, outcome, reason FROM fields ORDER BY n"
+        return RecordedLedger(self.path, self._connection).read(self._events())
+
+    def short_ledger(self, most: int) -> Ledger:
+        """The ledger with so many of its entries, in little time and memory."""
+        recorded = RecordedLedger(self.path, self._connection)
+        return recorded.short(self._events(), most, sealed=self.meta.state == SEALED)
+
+    def ledger_lines(self, first_n: int, passed: int, most: int) -> list[Line]:
+        """Entries and events of the ledger from a field on; see `RecordedLedger.lines`."""
+        return RecordedLedger(self.path, self._connection).lines(self._events(), first_n, passed, most)
+
+    def _events(self) -> list[LedgerEvent]:
         with reading_errors(self.path):
-            fields = self._connection.execute(kept).fetchall()
-            entries = self._connection.execute("SELECT * FROM ledger ORDER BY first_n").fetchall()
-        check_patience(self.path.name)  # a day has four million fields
-        try:
-            return ledger(fields, entries, rebases_in(read_meta(self._connection).extra))
-        except DAMAGE as error:
-            message = f"{self.path}: its ledger contradicts itself: {error}"
-            raise CaptureFileError(message, "set the file aside") from error
+            return rebases_in(read_meta(self._connection).extra)
 
     def missing_fields(self, measured: int) -> int:
         """Number of expected fields less those `measured`."""
-        return max(sum(self.ledger.counts().values()) - measured, 0)
+        return max(self.short_ledger(0).total - measured, 0)
 
     @property
     def field_count(self) -> int:
@@ -124,11 +142,15 @@ class CaptureReader:
     @property
     def length(self) -> int:
         """Number of expected fields, without reading every row."""
-        lost = "SELECT %s FROM ledger"
-        firsts = (self.first_n, self._number(lost % "min(first_n)"))
-        ends = (self.last_field and self.last_field[0] + 1, self._number(lost % "max(first_n + count)"))
-        known = [end for end in ends if end is not None]
-        return max(known) - min(first for first in firsts if first is not None) if known else 0
+        firsts = (self.first_n, self._number("SELECT min(first_n) FROM ledger"))
+        return self.end_n - min((first for first in firsts if first is not None), default=0)
+
+    @property
+    def end_n(self) -> int:
+        """The number after the last expected field, without reading every row; 0 in an empty capture."""
+        of_ledger = self._number("SELECT max(first_n + count) FROM ledger")
+        last_n = self._number("SELECT n FROM fields ORDER BY n DESC LIMIT 1")
+        return max(0 if last_n is None else last_n + 1, of_ledger or 0)
 
     @property
     def losses(self) -> int:
@@ -147,19 +169,47 @@ class CaptureReader:
             ORDER BY run DESC LIMIT 1"""
         with reading_errors(self.path):
             row = self._connection.execute(query).fetchone()
-        return row[0] if row and isinstance(row[0], str) and row[0].isprintable() else ""
+        known = row[0] if row and isinstance(row[0], str) and row[0].isprintable() else ""
+        return known if len(known) <= LONGEST_NAME else ""
 
     @property
     def runs(self) -> list[RunInfo]:
         """All runs in order."""
+        return [self.run(number) for number in self.run_numbers]
+
+    @property
+    def run_numbers(self) -> list[int]:
+        """Numbers of all runs in order."""
         with reading_errors(self.path):
-            rows = self._connection.execute("SELECT * FROM runs ORDER BY run").fetchall()
-            coverage = read_coverage(self._connection)
-            return [run_info(row, coverage.get(coverage_key(row[0]))) for row in rows]
+            rows = self._connection.execute(_RUN_NUMBERS, (MOST_RUNS + 1,)).fetchall()
+            if len(rows) > MOST_RUNS:
+                raise ValueError(f"it has more than {MOST_RUNS} runs")
+            numbers = [number for (number,) in rows]
+            if not all(number in range(1, LARGEST_RUN) for number in numbers[:1] + numbers[-1:]):
+                raise ValueError(f"a run has the number {numbers[0]} or {numbers[-1]}")
+        return numbers
+
+    def newest_runs(self, most: int) -> Iterator[RunInfo]:
+        """The newest runs in order, each without the documents that its points were measured with."""
+        for number in self.run_numbers[-most:]:
+            yield self._run(number, _RUN_ALONE)
 
     def fields(self, first_n: int = 0, end_n: int | None = None) -> Iterator[RecordedField]:
         """The fields with first_n ≤ n < end_n in order, about fifty at a time."""
-        return self.content.fields(first_n, END if end_n is None else end_n)
+        fields = self.content.fields(first_n, END if end_n is None else end_n)
+        return self._with_marks(fields) if self.meta.config.get("marks") else fields
+
+    def marks_before(self) -> list[tuple[int, Located]]:
+        """Parity and located marks of the fields before the first, in order; empty if none are known."""
+        return RecordedMarks(self.path, self._connection).before
+
+    def _with_marks(self, fields: Iterator[RecordedField]) -> Iterator[RecordedField]:
+        """The same fields with the places that their marks were located at."""
+        marks = RecordedMarks(self.path, self._connection)
+        for one in fields:
+            numbered = one.numbered
+            packed = numbered.packed.with_marks(marks.of(numbered.n))
+            yield one._replace(numbered=numbered._replace(packed=packed))
 
     def received(
         self, first_n: int = 0, end_n: int | None = None, *, and_damaged: bool = False
@@ -186,8 +236,12 @@ class CaptureReader:
         Raises:
             NotFound: It does not exist, or the capture has not been measured.
         """
-        number = self.run_number(run)
-        return next(info for info in self.runs if info.run == number)
+        return self._run(self.run_number(run), _RUN)
+
+    def _run(self, number: int, query: str) -> RunInfo:
+        with reading_errors(self.path):
+            row = self._connection.execute(query, (number,)).fetchone()
+            return run_info(row, read_coverage(self._connection, number))
 
     def run_number(self, run: int | None) -> int:
         """Number of a run, or of the newest, without reading its calibration.
@@ -195,9 +249,7 @@ class CaptureReader:
         Raises:
             NotFound: It does not exist, or the capture has not been measured.
         """
-        with reading_errors(self.path):
-            rows = self._connection.execute("SELECT run FROM runs ORDER BY run").fetchall()
-        runs = [number for (number,) in rows if isinstance(number, int)]
+        runs = self.run_numbers
         if run is None and not runs:
             raise NotFound(f"capture {self.meta.id} has no points", "measure it with a calibration first")
         if run is not None and run not in runs:
@@ -247,6 +299,19 @@ class CaptureReader:
         if self.content.has_digests:
             self.content.check_points(run, first_n, end_n)
 
+    def check_numbers(self, run: int, first_n: int = 0, end_n: int = END) -> None:
+        """Checks the times of all fields, and the numbers of a run's points.
+
+        Raises:
+            CaptureFileError: One is out of range, or contradicts others.
+        """
+        with reading_errors(self.path):
+            invalid = self._connection.execute(_INVALID_TIME, (LARGEST_TIME_NS - 1,)).fetchone()
+            if invalid is not None:
+                found = f"{invalid[1]!r}"[:LONGEST_SAID]
+                raise ValueError(f"field {invalid[0]}: time_ns is {found}, not a whole number from 0 on")
+        self.point_count(run, first_n, end_n)
+
     def point_count(self, run: int, first_n: int = 0, end_n: int = END, every: int = 1) -> int:
         """Number of points that `timed_points` yields."""
         return self.content.point_count(run, first_n, end_n, every)
@@ -265,9 +330,8 @@ class CaptureReader:
             " WHERE typeof(time_ns) = 'integer' AND time_ns BETWEEN 0 AND ? ORDER BY n"
         )
         with reading_errors(self.path):
-            rows = self._connection.execute(query, (LARGEST_TIME_NS,)).fetchall()
-            check_patience(self.path.name)
-            n, time_ns = np.array(rows, np.int64).reshape(-1, 2).T
+            rows = self._connection.execute(query, (LARGEST_TIME_NS,))
+            n, time_ns = np.fromiter(chain.from_iterable(rows), np.int64).reshape(-1, 2).T
         return n, time_ns
 
     @property
@@ -278,14 +342,14 @@ class CaptureReader:
     @property
     def first_time_ns(self) -> int | None:
         """Time of the first field; None in an empty capture."""
-        return self._number("SELECT time_ns FROM fields ORDER BY n LIMIT 1")
+        return self._number("SELECT time_ns FROM fields ORDER BY n LIMIT 1", below=LARGEST_TIME_NS)
 
     @property
     def last_field(self) -> tuple[int, int] | None:
         """Number and time of the last field; None in an empty capture."""
-        with reading_errors(self.path):
-            row = self._connection.execute("SELECT n, time_ns FROM fields ORDER BY n DESC LIMIT 1").fetchone()
-            return None if row is None else (int(row[0]), int(row[1]))
+        last = "SELECT {} FROM fields ORDER BY n DESC LIMIT 1"
+        n = self._number(last.format("n"))
+        return None if n is None else (n, self._number(last.format("time_ns"), below=LARGEST_TIME_NS) or 0)
 
     def _read_meta(self) -> CaptureMeta:
         try:
@@ -295,13 +359,13 @@ class CaptureReader:
             hint = "it was cut off within its first second; nothing is in it"
             raise CaptureFileError(f"{self.path} has no valid metadata: {error}", hint) from error
 
-    def _number(self, query: str, *values: int) -> int | None:
-        """The integer that a query selects; None if it selects nothing."""
+    def _number(self, query: str, below: int = LARGEST_N) -> int | None:
+        """The integer that a query selects, from 0 on and below a bound; None if it selects nothing."""
         with reading_errors(self.path):
-            row = self._connection.execute(query, values).fetchone()
+            row = self._connection.execute(query).fetchone()
             found = row and row[0]
-            if not isinstance(found, int | None):
-                raise ValueError(f"{found!r} is not a whole number")
+            if not isinstance(found, int | None) or (found is not None and not 0 <= found < below):
+                raise ValueError(f"{found!r} is not a whole number from 0 to {below - 1}"[:LONGEST_SAID])
             return found
 
 

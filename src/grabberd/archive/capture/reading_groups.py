@@ -11,11 +11,11 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from grabberd.archive.capture.codec import differences, frame_of, planes_of, read_planes, sums
 from grabberd.archive.capture.digests import Row
+from grabberd.archive.capture.encodings import differences, frame_of, planes_of, read_planes, sums
 from grabberd.archive.capture.meta import LARGEST_TIME_NS
 from grabberd.core.channels import Dating, Quantity
-from grabberd.files.json_value import read_json
+from grabberd.files.documents import read_json
 
 MOST_CHANNELS = 64
 """Maximum number of channels of a capture."""
@@ -51,8 +51,10 @@ class ChannelCalibration(NamedTuple):
     delay_sigma_ms: float = 0.0
 
     def kpa(self, value: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Values in kPa below atmosphere."""
-        return self.gain * value + self.offset_kpa
+        """Values in kPa below atmosphere; NaN for one that is too large for it."""
+        with np.errstate(over="ignore"):
+            kpa = self.gain * value + self.offset_kpa
+        return np.where(np.isfinite(kpa), kpa, np.nan)
 
 
 class RecordedChannel(NamedTuple):

@@ -14,9 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field
 
-from grabberd.archive.capture.checked_rows import CheckedRows, Kind, some_rows
-from grabberd.archive.capture.digests import READINGS, Damage, readings_prefix
-from grabberd.archive.capture.meta import StoredPart, TimeNs, write_meta
+from grabberd.archive.capture.digests import READINGS, CheckedRows, Damage, Kind, readings_prefix, some_rows
+from grabberd.archive.capture.meta import LARGEST_VALUE, StoredPart, TimeNs, read_value, write_meta
 from grabberd.archive.capture.reading_groups import (
     INSERT_CHANNEL,
     INSERT_READINGS,
@@ -42,15 +41,15 @@ from grabberd.core.channels.account import (
     Gap,
 )
 from grabberd.errors import NotFound
-from grabberd.files.json_value import read_json
 
 _LARGEST_FRAME = 1 << 20
 """Largest frame of readings in bytes: more than the largest valid group takes uncompressed."""
 _AT_ONCE = 200
 """Groups read under one lock: a few hundred kilobytes."""
-_CHANNELS = (
-    "SELECT channel, name, quantity, logger, calibration, source FROM channels ORDER BY channel LIMIT ?"
-)
+_CHANNELS = f"""SELECT channel, name, quantity, logger,
+    CASE WHEN length(calibration) <= {LARGEST_VALUE} THEN calibration END,
+    CASE WHEN length(source) <= {LARGEST_VALUE} THEN source END
+    FROM channels ORDER BY channel LIMIT ?"""  # noqa: S608 - constants
 _GROUPS = f"""SELECT channel, number, readings, first_ns, last_ns, dating, time_sigma_ns,
     CASE WHEN length(time_ns) <= {_LARGEST_FRAME} THEN time_ns END,
     CASE WHEN length(value) <= {_LARGEST_FRAME} THEN value END
@@ -91,6 +90,12 @@ class ChannelReadings(NamedTuple):
 def _fetch(connection: sqlite3.Connection, values: Mapping[str, int]) -> list[ReadingGroup]:
     rows = some_rows(connection.execute(_GROUPS, {**values, "some": _AT_ONCE}))
     return [ReadingGroup._make(row) for row in rows]
+
+
+def groups_of(channel: RecordedChannel) -> Kind:
+    """Groups of a channel's readings."""
+    name = READINGS + channel.name
+    return Kind(name, _fetch, stored=lambda group: group.digested, key=lambda group: group.number)
 
 
 class RecordedChannels:
@@ -146,15 +151,9 @@ class RecordedChannels:
 
     def groups(self, channel: RecordedChannel) -> Iterator[RecordedReadings]:
         """The readings of a channel in order, half a second at a time."""
-        kind = Kind(
-            READINGS + channel.name,
-            _fetch,
-            stored=lambda group: group.digested,
-            key=lambda group: group.number,
-        )
         rows = CheckedRows(self._path, self._connection, self._left_out)
         prefix = readings_prefix(channel.channel)
-        return rows.each(kind, prefix, decode_readings, channel=channel.channel)
+        return rows.each(groups_of(channel), prefix, decode_readings, channel=channel.channel)
 
     def read(self, name: str) -> ChannelReadings:
         """All readings of a channel.
@@ -336,10 +335,10 @@ def read_account(connection: sqlite3.Connection) -> Account | None:
     Raises:
         ValueError: The account is damaged.
     """
-    row = connection.execute("SELECT value FROM meta WHERE key = ?", (KEY,)).fetchone()
-    if row is None:
+    found = read_value(connection, KEY)
+    if found is None:
         return None
-    stored = _Account.model_validate(read_json(row[0]))
+    stored = _Account.model_validate(found)
     return Account(
         tuple(_channel_account(one) for one in stored.channels),
         tuple(AnomalyCount(**one.model_dump()) for one in stored.anomalies),

@@ -1,28 +1,33 @@
-"""Rows of a capture file as objects: fields of format 1, runs and ledger.
+"""Rows of a capture file as objects: fields of format 1 and runs; the ledger's rows as they are written.
 
-Invalid rows are errors, never guessed at. Rebases, the ledger's events, are stored in the metadata, as the
-key `rebases` of `extra`.
+Invalid rows are errors, never guessed at.
 """
 
 import sqlite3
-from bisect import bisect_right
-from collections.abc import Container, Iterable, Mapping, Sequence
+from collections.abc import Container, Mapping
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from grabberd.archive.capture.codec import decode_field
-from grabberd.archive.capture.meta import LARGEST_N, LARGEST_TIME_NS, LONGEST_REASON
+from grabberd.archive.capture.encodings import decode_field
+from grabberd.archive.capture.meta import (
+    LARGEST_N,
+    LARGEST_TIME_NS,
+    LONGEST_NAME,
+    LONGEST_REASON,
+    LONGEST_SAID,
+)
 from grabberd.core.field import BIT_DEPTHS, LARGEST_SIDE_PX, PROGRESSIVE, NumberedField, PackedField
-from grabberd.core.ledger import Ledger, LedgerEntry, LedgerEvent, Outcome, Rebase
-from grabberd.files.json_value import read_json
+from grabberd.core.ledger import Ledger, LedgerEntry, Outcome
+from grabberd.files.documents import read_json
 
 FIELD_COLUMNS = (
     "n, time_ns, sequence, parity, y0, y_step, rows, columns, bits, threshold, outcome, reason, codec, data"
 )
 """Columns in the order of the table of format 1, which is also that of the digests."""
-_LARGEST_RUN = 1_000_000
+LARGEST_RUN = 1_000_000
+"""Upper bound of a run's number."""
 _OF_PICTURES = {
     "bits": BIT_DEPTHS,
     "rows": range(1, LARGEST_SIDE_PX + 1),
@@ -114,75 +119,35 @@ def _check_among(cells: Mapping[str, Any], among: Mapping[str, Container[int]]) 
             raise ValueError(f"{name} is {cells[name]!r}")
 
 
-def run_info(row: tuple[Any, ...], coverage: str | None = None) -> RunInfo:
-    """Decodes a row of the table `runs`, and the run's coverage, a JSON document.
+def run_info(row: tuple[Any, ...], coverage: dict[str, Any] | None = None) -> RunInfo:
+    """Decodes a row of the table `runs`; `coverage` is the run's.
 
     Raises:
-        ValueError: The row or the coverage is damaged.
+        ValueError: The row is damaged.
     """
     documents = dict(zip(("calibration", "object", "settings"), map(read_json, row[6:9]), strict=True))
     for name, document in documents.items():
         if not isinstance(document, dict | None):
-            raise ValueError(f"{name} is {document!r}")
-    run, *texts = row[:6]
-    if not isinstance(run, int) or run not in range(1, _LARGEST_RUN):
-        raise ValueError(f"a run has the number {run!r}")
-    kind, created_utc, version, state, reason = map(text_of, texts)
+            raise ValueError(f"{name} is {document!r}"[:LONGEST_SAID])
+    run, *texts, reason = row[:6]
+    if not isinstance(run, int) or run not in range(1, LARGEST_RUN):
+        raise ValueError(f"a run has the number {run!r}"[:LONGEST_SAID])
+    kind, created_utc, version, state = (text_of(text, LONGEST_NAME) for text in texts)
     if None in (kind, created_utc, version, state):
         raise ValueError(f"run {run} of {created_utc!r} is a {kind!r} by {version!r}, {state!r}")
-    covered = None if coverage is None else read_json(coverage)
-    if not isinstance(covered, dict | None):
-        raise ValueError(f"the coverage of run {run} is {covered!r}")
-    return RunInfo(run, str(kind), str(created_utc), str(version), str(state), reason, documents, covered)
+    known = (str(kind), str(created_utc), str(version), str(state))
+    return RunInfo(run, *known, text_of(reason), documents, coverage)
 
 
-def ledger(
-    fields: Iterable[tuple[Any, ...]],
-    entries: Iterable[tuple[Any, ...]],
-    events: Sequence[LedgerEvent] = (),
-) -> Ledger:
-    """Makes a ledger from (n, outcome, reason) of the fields in the file and the entries for all others.
-
-    Raises:
-        ValueError: They contradict each other.
-    """
-    listed = [_entry(*row) for row in entries]
-    rows = [(_n(n), Outcome(outcome), text_of(reason)) for n, outcome, reason in fields]
-    received = [n for n, outcome, _ in rows if outcome is Outcome.RECEIVED]
-    damaged = [
-        LedgerEntry(n, 1, outcome, reason or outcome)
-        for n, outcome, reason in rows
-        if outcome is not Outcome.RECEIVED and not _covers(listed, n)
-    ]
-    return Ledger.restore(received, [*listed, *damaged], events=events)
-
-
-def _entry(first_n: Any, count: Any, outcome: Any, reason: Any) -> LedgerEntry:
-    end_n = _n(_n(first_n) + _n(count))
-    return LedgerEntry(first_n, end_n - first_n, Outcome(outcome), text_of(reason) or "")
-
-
-def _n(value: Any) -> int:
-    if isinstance(value, int) and 0 <= value < LARGEST_N:
-        return value
-    raise ValueError(f"a number of a field, or of fields, is {value!r}")
-
-
-def _covers(entries: Sequence[LedgerEntry], n: int) -> bool:
-    """True if one of the entries, which are in order, covers field n."""
-    before = bisect_right(entries, n, key=lambda entry: entry.first_n)
-    return before > 0 and n < entries[before - 1].end_n
-
-
-def text_of(value: Any) -> str | None:
+def text_of(value: Any, longest: int = LONGEST_REASON) -> str | None:
     """Checks that a cell is a text or None.
 
     Raises:
         ValueError: The cell is neither, or too long.
     """
-    if isinstance(value, str | None) and len(value or "") <= LONGEST_REASON:
+    if isinstance(value, str | None) and len(value or "") <= longest:
         return value
-    raise ValueError(f"a text is {type(value).__name__}, or has more than {LONGEST_REASON} characters")
+    raise ValueError(f"a text is {type(value).__name__}, or has more than {longest} characters")
 
 
 NOT_WRITTEN = "not written to disk"
@@ -190,10 +155,10 @@ NOT_WRITTEN = "not written to disk"
 
 def as_far_as_written(connection: sqlite3.Connection, ledger: Ledger) -> Ledger:
     """The ledger with received fields that are not in the file entered as lost."""
-    rows = connection.execute("SELECT n FROM fields WHERE outcome = ? ORDER BY n", (str(Outcome.RECEIVED),))
-    written = [n for (n,) in rows]
-    if len(written) == ledger.received:
+    received = ("FROM fields WHERE outcome = ?", (str(Outcome.RECEIVED),))
+    if connection.execute(f"SELECT count(*) {received[0]}", received[1]).fetchone()[0] == ledger.received:
         return ledger
+    written = [n for (n,) in connection.execute(f"SELECT n {received[0]} ORDER BY n", received[1])]
     kept = Ledger.restore(
         written, ledger.entries, events=ledger.events, first_n=ledger.first_n, gap=NOT_WRITTEN
     )
@@ -212,27 +177,3 @@ def insert_entry(connection: sqlite3.Connection, entry: LedgerEntry) -> None:
     """Adds one entry of the ledger."""
     row = (entry.first_n, entry.count, str(entry.outcome), entry.reason)
     connection.execute("INSERT INTO ledger VALUES (?, ?, ?, ?)", row)
-
-
-KEY = "rebases"
-
-
-def with_rebases(extra: Mapping[str, Any], events: Sequence[LedgerEvent]) -> Mapping[str, Any]:
-    """The metadata with these events added."""
-    return {**extra, KEY: [event._asdict() for event in events]} if events else extra
-
-
-def rebases_in(extra: Mapping[str, Any]) -> list[LedgerEvent]:
-    """The events in a capture's metadata; empty in files of earlier versions.
-
-    Raises:
-        ValueError: The events are damaged.
-    """
-    return [_event(one) for one in extra.get(KEY, ())]
-
-
-def _event(stored: Any) -> LedgerEvent:
-    match stored:
-        case {"n": int(n), "kind": str(kind), "reason": str(reason)}:
-            return LedgerEvent(n, Rebase(kind), reason)
-    raise ValueError(f"a rebase is {stored!r}")

@@ -5,13 +5,13 @@ import os
 import sqlite3
 import struct
 import tempfile
-import time
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import ExitStack, closing, contextmanager, suppress
 from itertools import islice
 from pathlib import Path
 from typing import IO, Any
 
+from grabberd import runtime
 from grabberd.archive.capture.digests import (
     Row,
     forget_points_after,
@@ -20,15 +20,14 @@ from grabberd.archive.capture.digests import (
     write_row_digests,
     write_run_digest,
 )
-from grabberd.archive.capture.meta import coverage_key, write_meta
-from grabberd.archive.capture.point_table import PointTable, point_table
-from grabberd.archive.capture.read_back import check_staged
+from grabberd.archive.capture.groups import PointTable, point_table
+from grabberd.archive.capture.meta import MOST_RUNS, coverage_key, write_meta
 from grabberd.archive.capture.schema import connect, format_of, reading_errors
+from grabberd.archive.capture.verification import check_staged
 from grabberd.archive.capture.writer import DONE, INSERT_RUN, run_row
 from grabberd.core.reconstruction.points import Points
 from grabberd.errors import StorageError
-from grabberd.files.disk import storage_errors
-from grabberd.files.held_files import flocked
+from grabberd.files.disk import flocked, storage_errors
 
 _SIZE = struct.Struct("<I")
 """In the temporary file, the length of a row's cells as JSON; these include the sizes of its blobs."""
@@ -70,11 +69,12 @@ def append_run(
         closing(connect(path, writable=True)) as connection,
         _staged(path, (table := point_table(format_of(connection))).encode(_UNKNOWN, points)) as staged,
         reading_errors(path),  # damage beyond what was read so far
-        storage_errors(path),
+        storage_errors(path, takes_damage=False),
         alone(path, inode),
     ):
         connection.execute(f"PRAGMA cache_size = -{CACHE_KIB:d}")
         _remove_unfinished(connection, table)
+        _check_room(path, connection)
         run: int = connection.execute("SELECT coalesce(max(run), 0) + 1 FROM runs").fetchone()[0]
         try:
             _copy(staged, connection, table, run)
@@ -90,6 +90,12 @@ def append_run(
                 _remove_unfinished(connection, table)
             raise
         return run
+
+
+def _check_room(path: Path, connection: sqlite3.Connection) -> None:
+    if connection.execute("SELECT count(*) FROM runs").fetchone()[0] >= MOST_RUNS:
+        hint = "measure a copy of it that has no runs, or export what the newest run has"
+        raise StorageError(f"{path.name} has {MOST_RUNS} runs, and can have no more", hint)
 
 
 @contextmanager
@@ -128,7 +134,7 @@ def _copy(staged: IO[bytes], connection: sqlite3.Connection, table: PointTable, 
             copied = connection.executemany(table.insert, islice(remaining, table.rows_a_commit)).rowcount
             write_row_digests(connection, points_prefix(run), digests)
         digests.clear()
-        time.sleep(PAUSE_S)
+        runtime.sleep(PAUSE_S)
 
 
 def _remove_unfinished(connection: sqlite3.Connection, table: PointTable) -> None:

@@ -3,12 +3,12 @@
 import os
 import sqlite3
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from grabberd.archive.guarded_database import JOURNAL, GuardedConnection, open_tables, read_header
 from grabberd.errors import NO_PERMISSION, CaptureFileError, LaterVersion, StorageError
-from grabberd.files import held_files
+from grabberd.files import disk
 from grabberd.files.disk import storage_errors
 from grabberd.files.patience import check_patience
 
@@ -93,6 +93,9 @@ _UNFINISHED = "if nobody writes it any more, seal it: start the daemon, or use g
 RESERVE_BYTES = 256 * 1024
 """Size of the table `reserve`, which is filled at the start and emptied at the end: its pages take the ledger
 and the verdict even if the disk is completely full."""
+FREE_RESERVE = "DELETE FROM reserve WHERE typeof(data) = 'blob'"
+"""Frees it; its text is a copy of the first metadata. SQLite moves those of the table `meta` to the end of
+the file again and again, and without them nothing of a file that is cut off could be saved."""
 JOURNAL_BYTES = 256 * 1024
 """Initial size of the journal, so that the sealing transaction need not extend it."""
 
@@ -109,10 +112,15 @@ def create(
         for taken in (path, sealed_path(path)):
             if taken.exists():
                 raise StorageError(f"{taken} exists already", "give the capture another name")
-        # isolation_level None: the writer controls its transactions. The connection is created on one thread
-        # and used on another, never on two at once.
-        with held_files.create(path):
-            connection = held_files.connect(path, held_files.HeldConnection)
+        with disk.create(path), removed_if_it_fails(path):
+            return _created(path, max_pages, reserve_bytes, version)
+
+
+def _created(path: Path, max_pages: int | None, reserve_bytes: int, version: int) -> sqlite3.Connection:
+    # isolation_level None: the writer controls its transactions. The connection is created on one thread
+    # and used on another, never on two at once.
+    connection = disk.connect(path, disk.HeldConnection)
+    try:
         # Not WAL: a copy without its log would be empty, and sealing would fail while there is a reader.
         # PERSIST keeps the journal between commits, since a full disk has no room for a new one.
         connection.execute("PRAGMA journal_mode = PERSIST")
@@ -129,7 +137,27 @@ def create(
         connection.execute("INSERT INTO reserve VALUES (zeroblob(?))", (reserve_bytes,))
         connection.execute("COMMIT")
         _reserve_journal(path.with_name(path.name + JOURNAL))
-        return connection
+    except BaseException:
+        connection.close()
+        raise
+    return connection
+
+
+@contextmanager
+def removed_if_it_fails(path: Path) -> Iterator[None]:
+    """Removes a new file, which nobody would ever seal, if the block fails."""
+    try:
+        yield
+    except BaseException:
+        with suppress(OSError):
+            remove_with_journal(path)
+        raise
+
+
+def remove_with_journal(path: Path) -> None:
+    """Removes a database that is not in use yet, with its journal."""
+    for one in (path, path.with_name(path.name + JOURNAL)):
+        one.unlink(missing_ok=True)
 
 
 def _reserve_journal(journal: Path) -> None:
@@ -154,8 +182,8 @@ def named_now(path: Path) -> Path:
     return sealed if not path.exists() and sealed.is_file() else path
 
 
-def connect(path: Path, *, writable: bool = False) -> GuardedConnection:
-    """Opens an existing capture file and checks that it is exactly that.
+def connect(path: Path, *, writable: bool = False, is_cut: bool = False) -> GuardedConnection:
+    """Opens an existing capture file and checks that it is exactly that, or what is left of one that is cut.
 
     Raises:
         CaptureFileError: The file is missing, not a capture, damaged, or of a later version.
@@ -164,10 +192,10 @@ def connect(path: Path, *, writable: bool = False) -> GuardedConnection:
     with reading_errors(path):
         # A reader must not roll back what a writer is about to commit: it knows of the writer only by locks,
         # which some network file systems do not support. Code that seals a capture knows that there is none.
-        may_roll_back = writable or not path.name.endswith(PART)
-        connection = _opened(path, _version(path), writable=may_roll_back)
+        may_roll_back = (writable or not path.name.endswith(PART)) and not is_cut
+        connection = _opened(path, _version(path), writable=may_roll_back, is_cut=is_cut)
         try:
-            connection.execute("PRAGMA synchronous = FULL")
+            connection.execute("PRAGMA synchronous = EXTRA")  # a power cut must not bring back its journal
             if not writable:
                 connection.execute("PRAGMA query_only = ON")
         except BaseException:
@@ -176,14 +204,14 @@ def connect(path: Path, *, writable: bool = False) -> GuardedConnection:
     return connection
 
 
-def _opened(path: Path, version: int, *, writable: bool) -> GuardedConnection:
+def _opened(path: Path, version: int, *, writable: bool, is_cut: bool) -> GuardedConnection:
     try:
-        return open_tables(path, _TABLES[version], writable=writable)
+        return open_tables(path, _TABLES[version], writable=writable, is_cut=is_cut)
     except ValueError:
         # It may have been converted since its version was read.
         if (now := _version(path)) == version:
             raise
-        return open_tables(path, _TABLES[now], writable=writable)
+        return open_tables(path, _TABLES[now], writable=writable, is_cut=is_cut)
 
 
 def _version(path: Path) -> int:
@@ -234,7 +262,7 @@ def reading_errors(path: Path) -> Iterator[None]:
             check_patience(path.name)
             hint = "ask for less at once; if it happens again and again, the file may be damaged"
             raise StorageError(f"{path} takes too long to read", hint) from error
-        if _primary_code(error) in _NOT_THE_FILES_FAULT:
+        if _primary_code(error) in _NOT_THE_FILES_FAULT or disk.is_unreadable(error, path):
             raise _not_now(path, error) from error
         raise _damaged(path, error) from error
     except DAMAGE as error:

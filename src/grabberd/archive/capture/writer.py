@@ -2,33 +2,44 @@
 
 import copy
 import json
-import os
 import sqlite3
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any, Self
 
+from grabberd import runtime
 from grabberd.archive.capture.digests import FORM, FORM_KEY, write_sealed_digest
-from grabberd.archive.capture.groups import PicturesInWaiting, PointsInWaiting
-from grabberd.archive.capture.meta import SEALED, CaptureMeta, check_meta, coverage_key, read_meta, write_meta
-from grabberd.archive.capture.point_table import GROUPED
-from grabberd.archive.capture.read_back import Uncommitted, check_sealed
+from grabberd.archive.capture.groups import GROUPED, PicturesInWaiting, PointsInWaiting
+from grabberd.archive.capture.meta import (
+    SEALED,
+    CaptureMeta,
+    check_meta,
+    coverage_key,
+    read_meta,
+    write_marks,
+    write_marks_before,
+    write_meta,
+)
 from grabberd.archive.capture.reading_groups import RecordedChannel, RecordedReadings
 from grabberd.archive.capture.recorded_channels import ChannelWriter
-from grabberd.archive.capture.rows import RunInfo, as_far_as_written, insert_entry, with_rebases, write_ledger
+from grabberd.archive.capture.recorded_ledger import with_rebases
+from grabberd.archive.capture.rows import RunInfo, as_far_as_written, insert_entry, write_ledger
 from grabberd.archive.capture.schema import (
+    FREE_RESERVE,
     RESERVE_BYTES,
     VERSION,
     WITH_CHANNELS,
     connect,
     create,
+    remove_with_journal,
     sealed_path,
 )
-from grabberd.archive.guarded_database import JOURNAL
+from grabberd.archive.capture.verification import Uncommitted, check_sealed
 from grabberd.core.channels.account import Account
 from grabberd.core.ledger import Ledger, LedgerEntry, LedgerEvent, Slot
+from grabberd.core.measurement.marks import Located
 from grabberd.core.reconstruction.points import Points
 from grabberd.errors import InputError, StorageError
 from grabberd.files.disk import storage_errors, sync_directory
@@ -99,9 +110,11 @@ class CaptureWriter:
         version = WITH_CHANNELS if channels else VERSION
         connection = create(path, max_pages, reserve_bytes, version)
         writer = cls(path, connection, meta, channels)
-        with storage_errors(path):
+        with writer.discarded_if_it_fails(), storage_errors(path):
             writer._begin()
-            write_meta(connection, {FORM_KEY: FORM, **asdict(meta)})
+            first = {FORM_KEY: FORM, **asdict(meta)}
+            write_meta(connection, first)
+            connection.execute("INSERT INTO reserve VALUES (?)", (json.dumps(first, ensure_ascii=False),))
             writer._channels.begin(connection)
             writer.commit()
         return writer
@@ -128,6 +141,12 @@ class CaptureWriter:
         self._uncommitted_runs.append(
             RunInfo(run, kind, created_utc, version, RUNNING, None, dict(made_with))
         )
+
+    def remember_marks(self, before: Sequence[tuple[int, Located]]) -> None:
+        """Adds the marks of the fields before the first, with the next commit."""
+        with self._writing():
+            self._begin()
+            write_marks_before(self._connection, before)
 
     def append(self, slots: Iterable[Slot]) -> None:
         """Adds fields, and the outcomes of those that were not received, with the next commit."""
@@ -211,7 +230,7 @@ class CaptureWriter:
         ledger = copy.deepcopy(ledger)
         with storage_errors(self.path):
             self._connection.execute("BEGIN IMMEDIATE")
-            self._connection.execute("DELETE FROM reserve")  # first, to free pages for what follows
+            self._connection.execute(FREE_RESERVE)  # first, to free pages for what follows
             written = as_far_as_written(self._connection, ledger)
             write_ledger(self._connection, written)
             state, reason = (FAILED, measuring_failure) if measuring_failure else (DONE, None)
@@ -240,8 +259,17 @@ class CaptureWriter:
     def discard(self) -> None:
         """Closes the file and deletes it."""
         self.close()
-        for path in (self.path, self.path.with_name(self.path.name + JOURNAL)):
-            path.unlink(missing_ok=True)
+        remove_with_journal(self.path)
+
+    @contextmanager
+    def discarded_if_it_fails(self) -> Iterator[None]:
+        """Closes and deletes the file if the block fails, which makes it ready to record."""
+        try:
+            yield
+        except BaseException:
+            with suppress(OSError):
+                self.discard()
+            raise
 
     def _begin(self) -> None:
         if not self._connection.in_transaction:
@@ -286,6 +314,7 @@ class CaptureWriter:
             with self._whole():
                 self._connection.execute(INSERT_PICTURES, group.row)
                 self._connection.executemany(INSERT_FIELD, group.recorded)
+                write_marks(self._connection, waiting.marks)
             self._uncommitted.add_pictures(group, waiting.newest)
 
     @contextmanager
@@ -334,7 +363,7 @@ def publish(part: Path) -> Path:
             raise StorageError(
                 f"{final} exists already", f"move it away, then start again to seal {part.name}"
             )
-        os.rename(part, final)
+        runtime.rename(part, final)
         sync_directory(final.parent)
     return final
 

@@ -1,13 +1,13 @@
-"""The archive: finds, describes and removes captures in their folder."""
+"""The archive: finds, describes, annotates and removes captures in their folder."""
 
 import logging
-import threading
-import time
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import suppress
+from dataclasses import replace
 from pathlib import Path
-from typing import Protocol
+from typing import TYPE_CHECKING, Protocol
 
+from grabberd import runtime
 from grabberd.archive.capture.captures_folder import CapturesFolder, plainly_named
 from grabberd.archive.capture.crash_recovery import reason_of, recover
 from grabberd.archive.capture.schema import DAMAGED, PART, SUFFIX, part_path
@@ -19,12 +19,14 @@ from grabberd.archive.catalogue.capture_documents import (
 )
 from grabberd.archive.state.capture_index import CaptureIndex, IndexKeeper, Unusable
 from grabberd.archive.state.index_entries import SEALED_ENTRY, IndexEntry
-from grabberd.archive.state.state_database import Annotation
+from grabberd.archive.state.state_database import Annotation, AnnotationStore
 from grabberd.documents.captures import CaptureDocument, MarkDocument
+from grabberd.documents.document import MOST_LABELS, MOST_MARKS
 from grabberd.errors import (
     CaptureFileError,
     Cause,
     Conflict,
+    InputError,
     LaterVersion,
     NotFound,
     ReadingGivenUp,
@@ -33,6 +35,10 @@ from grabberd.errors import (
 from grabberd.fault_board import FaultBoard
 from grabberd.files.disk import storage_errors
 from grabberd.files.patience import Patience, within
+
+if TYPE_CHECKING:
+    from grabberd.work.job_queue import JobQueue
+
 
 log = logging.getLogger(__name__)
 AWAY = (Cause.CAPTURES_MISSING, Cause.CAPTURES_REPLACED)
@@ -65,7 +71,7 @@ class Recording(ArmedCapture, Protocol):
         ...
 
     @property
-    def sealed(self) -> threading.Event:
+    def sealed(self) -> runtime.Event:
         """Set when the file has been sealed or given up."""
         ...
 
@@ -109,7 +115,7 @@ class Archive:
         self.keeper = IndexKeeper(self.index, lambda: self._left, self._faults)
         self._left: list[Path] = []
         self._opened = False
-        self._taking = threading.RLock()
+        self._taking = runtime.rlock()
         self._recordings = recordings
         self._armed = armed
         self._annotation = annotation
@@ -159,7 +165,7 @@ class Archive:
         written = {recording.path for recording in self._recordings()}
         found = [part for part in self.directory.glob(f"*{SUFFIX}{PART}") if part not in written]
         parts = sorted(plain for part in found if (plain := plainly_named(part)) is not None)
-        with within(Patience(time.monotonic() + RECOVERED_S)):
+        with within(Patience(runtime.monotonic() + RECOVERED_S)):
             self._left = [part for part in parts if not _recovered(part)]
         self.index.rebuild(self._left)
         for entry in self.index.damaged():
@@ -235,12 +241,12 @@ class Archive:
         return self._annotated(self._document(capture_id), self._annotation(capture_id))
 
     def listed(self, entry: IndexEntry) -> CaptureDocument:
-        """Returns the document of a capture that has ended.
+        """Returns the document of a capture that has ended, as one of many.
 
         Raises:
             NotFound: The capture was deleted after its entry was read.
         """
-        return self._annotated(self._sealed_document(entry), self._annotation(entry.id))
+        return self._annotated(self._sealed_document(entry).in_list, self._annotation(entry.id))
 
     def current(self) -> list[CaptureDocument]:
         """Returns the documents of the captures that are armed or running."""
@@ -263,13 +269,15 @@ class Archive:
             recording.sealed.wait(RENAMED_S)  # the file is renamed, but not in the index yet
         return self._sealed_document(self.index.get(capture_id))
 
-    def documents(self) -> list[CaptureDocument]:
-        """Returns the documents of all captures, newest first."""
+    def documents(self, most: int = 1000) -> list[CaptureDocument]:
+        """Returns the documents of the newest captures, newest first, each as one of many."""
         # Read before the index, so that a capture sealed in between is not listed twice.
         running = {recording.id for recording in self._recordings()}
         shown = [self.document(capture_id) for capture_id in running]
-        sealed = [self._sealed_document(entry) for entry in self.index.list() if entry.id not in running]
-        return sorted(shown + sealed, key=lambda document: document.created_utc, reverse=True)
+        entries = [entry for entry in self.index.page(None, most) if entry.id not in running]
+        shown += [self._sealed_document(entry) for entry in entries]
+        newest = sorted(shown, key=lambda document: document.created_utc, reverse=True)
+        return [document.in_list for document in newest]
 
     def _annotated(self, document: CaptureDocument, annotation: Annotation) -> CaptureDocument:
         """A document with the annotation and results of its capture added."""
@@ -338,3 +346,121 @@ def _recovered(part: Path) -> bool:
         log.error("%s stays unsealed: %s; %s", part.name, error.message, error.hint)
         return False
     return True
+
+
+class CaptureAnnotations:
+    """Annotates and deletes captures.
+
+    Annotations are stored in the state database; they never change a sealed file.
+
+    Args:
+        archive: The captures.
+        annotations: Their annotations.
+        jobs: The jobs, some of which may need the captures.
+        remove_results: Called with each deleted capture, to remove its results.
+    """
+
+    def __init__(
+        self,
+        archive: Archive,
+        annotations: AnnotationStore,
+        jobs: "JobQueue",
+        remove_results: Callable[[str], None] = lambda _: None,
+    ) -> None:
+        self._archive = archive
+        self._annotations = annotations
+        self._jobs = jobs
+        self._remove_results = remove_results
+
+    def annotate(
+        self,
+        capture_id: str,
+        *,
+        pinned: bool | None = None,
+        note: str | None = None,
+        labels: Mapping[str, str | None] | None = None,
+        marks: Mapping[str, str | None] | None = None,
+    ) -> None:
+        """Changes what is given and leaves the rest unchanged.
+
+        Args:
+            capture_id: Id of the capture, which may be running.
+            pinned: True to keep the capture until it is unpinned.
+            note: New note.
+            labels: Labels to add or replace by name; None removes one.
+            marks: Names of fields to mark, by number; None removes a mark.
+
+        Raises:
+            NotFound: No capture has that id.
+            InputError: The capture would have too many labels or marks, or a marked field does not exist.
+            StorageError: The state cannot be written.
+        """
+        document = self._archive.document(capture_id)
+        annotation = self._annotations.get(capture_id)
+        if pinned is not None:
+            annotation = replace(annotation, pinned=pinned)
+        if note is not None:
+            annotation = replace(annotation, note=note)
+        if labels is not None:
+            annotation = replace(annotation, labels=_merged(document, labels))
+        if marks is not None:
+            annotation = replace(annotation, marks=_marked(document, annotation.marks, marks))
+        self._annotations.put(capture_id, annotation)
+        self._archive.library.note(capture_id)
+
+    def spared(self) -> set[str]:
+        """Returns the ids of captures that retention must keep: pinned ones and those needed by a job.
+
+        Raises:
+            StorageError: The state cannot be read.
+        """
+        pinned = {capture_id for capture_id, one in self._annotations.all().items() if one.pinned}
+        return pinned | self._jobs.busy_subjects()
+
+    def delete(self, capture_id: str) -> None:
+        """Deletes a capture permanently: its file, its results and its annotations.
+
+        Raises:
+            NotFound: No capture has that id.
+            Conflict: The capture is running, pinned, or needed by a job.
+            StorageError: The files cannot be deleted.
+        """
+        self._archive.sealed_path(capture_id)
+        if self._annotations.get(capture_id).pinned:
+            raise Conflict(f"capture {capture_id} is pinned", "unpin it first: PATCH it with pinned: false")
+        self._jobs.check_idle(capture_id)
+        # The file first: if it cannot be deleted, its results and annotations are kept, too.
+        self._archive.remove(capture_id)
+        self._remove_results(capture_id)
+        self._annotations.remove(capture_id)
+        self._jobs.forget_capture(capture_id)
+
+
+def _merged(document: CaptureDocument, labels: Mapping[str, str | None]) -> dict[str, str]:
+    merged = {**document.labels, **labels}
+    kept = {name: value for name, value in merged.items() if value is not None}
+    _check_few(document, "labels", len(kept), MOST_LABELS)
+    return kept
+
+
+def _marked(
+    document: CaptureDocument, marks: Mapping[int, str], changes: Mapping[str, str | None]
+) -> dict[int, str]:
+    total = sum(document.ledger.counts.values())
+    changed = {int(n): name for n, name in changes.items()}
+    beyond = [n for n, name in changed.items() if name is not None and n >= total]
+    if beyond:
+        raise InputError(
+            f"capture {document.id} has no field {beyond[0]}", f"its fields are numbered 0 to {total - 1}"
+        )
+    kept = {n: name for n, name in {**marks, **changed}.items() if name is not None}
+    _check_few(document, "marks", len(kept), MOST_MARKS)
+    return kept
+
+
+def _check_few(document: CaptureDocument, what: str, count: int, most: int) -> None:
+    if count > most:
+        raise InputError(
+            f"capture {document.id} would have {count} {what}; the limit is {most}",
+            "remove some first, by setting them to null",
+        )

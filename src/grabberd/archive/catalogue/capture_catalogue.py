@@ -6,12 +6,12 @@ updates it from files, annotations and analyses before each answer.
 """
 
 import sqlite3
-import threading
 from collections import Counter
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from datetime import datetime, tzinfo
 from typing import Any, NamedTuple, Protocol
 
+from grabberd import runtime
 from grabberd.archive.catalogue.capture_query import (
     LABEL,
     CaptureQuery,
@@ -27,7 +27,7 @@ from grabberd.archive.state.capture_index import CaptureIndex
 from grabberd.archive.state.index_entries import DAMAGED_ENTRY, IndexEntry
 from grabberd.archive.state.state_database import Annotation
 from grabberd.documents.captures import CaptureDocument
-from grabberd.files.json_value import read_json
+from grabberd.files.documents import read_json
 
 MOST_VALUES = 50
 """Maximum number of values reported for a facet, the most frequent first."""
@@ -122,9 +122,9 @@ class CaptureCatalogue:
     """Captures in memory; any thread may call, one at a time is served."""
 
     def __init__(self) -> None:
-        self._connection = sqlite3.connect(":memory:", check_same_thread=False, isolation_level=None)
+        self._connection = runtime.connect(":memory:", check_same_thread=False, isolation_level=None)
         self._connection.executescript(_TABLES)
-        self._one = threading.Lock()
+        self._one = runtime.lock()
 
     def close(self) -> None:
         """Frees the memory."""
@@ -337,8 +337,8 @@ class Library:
         self._annotations = annotations
         self._catalogue = CaptureCatalogue()
         self._stale: set[str] | None = None
-        self._noting = threading.Lock()
-        self._reading = threading.Lock()
+        self._noting = runtime.lock()
+        self._reading = runtime.lock()
 
     def note(self, capture_id: str | None = None) -> None:
         """Marks a capture, or all, as changed; reads nothing."""

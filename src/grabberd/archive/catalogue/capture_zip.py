@@ -18,7 +18,7 @@ from grabberd.archive.catalogue.archive import Archive
 from grabberd.archive.catalogue.capture_list import captures_csv
 from grabberd.documents.captures import CaptureDocument
 from grabberd.errors import GrabberdError
-from grabberd.files.held_files import hold
+from grabberd.files.disk import hold
 
 _FIRST = ("name", "cow", "teat", "liner")
 _LONGEST = 100
@@ -52,7 +52,7 @@ def captures_zip(archive: Archive, captures: Sequence[str], zone: tzinfo) -> Ite
 
 def _known(archive: Archive, capture_id: str) -> CaptureDocument | None:
     try:
-        return archive.document(capture_id)
+        return archive.document(capture_id).in_list
     except GrabberdError:  # it will be listed as missing
         return None
 

@@ -1,18 +1,23 @@
-"""Scrubbing: once a month, all sealed captures are checked against their digests."""
+"""Scrubbing: once a month, all sealed captures are checked against their digests.
+
+What is whole of captures that were set aside as unreadable is saved as well, once after each start.
+"""
 
 import logging
-import threading
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from datetime import datetime, timedelta
 from pathlib import Path
 
+from grabberd import runtime
+from grabberd.archive.capture.crash_recovery import save_whole
+from grabberd.archive.capture.schema import DAMAGED
 from grabberd.archive.capture.verification import Verification, verify_files
 from grabberd.archive.catalogue.archive import Archive
 from grabberd.archive.state.index_entries import SEALED_ENTRY
 from grabberd.archive.state.state_database import StateStore
 from grabberd.clock import UtcClock, iso_utc
 from grabberd.errors import Cause, GrabberdError
-from grabberd.fault_board import FaultBoard
+from grabberd.fault_board import Complaint, FaultBoard
 
 log = logging.getLogger(__name__)
 EVERY = timedelta(days=30)
@@ -50,12 +55,13 @@ class Scrub:
         self._clock = clock
         self._busy = busy
         self._verify_files = verify_files
-        self._stopping = threading.Event()
-        self._failure: str | None = None
+        self._stopping = runtime.event()
+        self._complaint = Complaint(log, "the captures cannot be verified: %s")
+        self._tried: set[Path] = set()
 
     def start(self) -> None:
         """Starts the thread."""
-        threading.Thread(target=self._run, name="scrub", daemon=True).start()
+        runtime.Thread(target=self._run, name="scrub", daemon=True).start()
 
     def stop(self) -> None:
         """Ends the thread after the present file; the next round starts from the first."""
@@ -82,6 +88,21 @@ class Scrub:
         self._keep(damaged)
         self._report(damaged)
         return True
+
+    def save_whole(self) -> None:
+        """Saves what is whole of captures that were set aside, unless somebody records.
+
+        Raises:
+            StorageError: The index cannot be used.
+        """
+        paths = [self._archive.directory / entry.file for entry in self._archive.index.damaged()]
+        for path in paths:
+            if path in self._tried or path.parent.name != DAMAGED or self._busy() or self._stopping.is_set():
+                continue
+            self._tried.add(path)
+            if (saved := save_whole(path)) is not None:
+                log.warning("what is whole of %s is saved as %s", path.name, saved.name)
+                self._archive.index.add(saved)
 
     def _round(self) -> dict[str, str] | None:
         """The damaged captures with the damage of each; None if the round was interrupted."""
@@ -121,14 +142,9 @@ class Scrub:
     def _run(self) -> None:
         while not self._stopping.is_set():
             try:
+                self.save_whole()
                 self.look()
-                self._failure = None
+                self._complaint.over()
             except (GrabberdError, OSError) as error:
-                self._complain(f"{error}")
+                self._complaint.failed(f"{error}")
             self._stopping.wait(LOOK_S)
-
-    def _complain(self, failure: str) -> None:
-        """Logs a failure once, not every ten minutes while it lasts."""
-        if failure != self._failure:
-            log.error("the captures cannot be verified: %s", failure)
-        self._failure = failure

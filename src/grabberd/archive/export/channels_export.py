@@ -82,7 +82,7 @@ def channels_csv(path: Path, dialect: CsvDialect = COMMAS) -> Generator[str, Non
     """Text of a CSV file; only a header for a capture without channels.
 
     Raises:
-        CaptureFileError: No such file, or its channels are damaged; told before the first text.
+        CaptureFileError: No such file, or its channels are damaged; raised before the first text.
     """
     with CaptureReader(path) as reader:
         for channel in reader.channels.all:

@@ -9,7 +9,6 @@ Programs that read Parquet skip names that begin with `_` or a dot.
 
 import hashlib
 import json
-import os
 import shutil
 import tempfile
 from collections.abc import Callable, Iterable, Iterator, Mapping
@@ -20,6 +19,7 @@ from typing import Any, NamedTuple, Self
 from urllib.parse import quote, unquote
 from uuid import uuid4
 
+from grabberd import runtime
 from grabberd.archive.capture.content_digest import document_bytes, document_sha256
 from grabberd.archive.capture.meta import CaptureMeta
 from grabberd.archive.export.points_columns import DATASET_COLUMNS
@@ -256,9 +256,9 @@ def _count_file(part: Path) -> Path:
 def _publish(part: Path, target: Path) -> None:
     with storage_errors(target):
         with part.open("rb") as file:
-            os.fsync(file.fileno())  # before the rename: a name never stands for half a file
+            runtime.fsync(file.fileno())  # before the rename: a name never stands for half a file
         target.parent.mkdir(parents=True, exist_ok=True)
-        os.replace(part, target)
+        runtime.replace(part, target)
 
 
 def _text(document: Mapping[str, Any]) -> str:

@@ -7,7 +7,6 @@ load it holds the interpreter for 60 to 140 ms, in which a grabber with few buff
 import csv
 import struct
 import zlib
-from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -18,8 +17,8 @@ from grabberd.archive.capture.reader import CaptureReader, Opened
 from grabberd.archive.capture.rows import RecordedField
 from grabberd.archive.export.points_export import write_ledger_file, write_left_out_file
 from grabberd.archive.export.read_back import png_check
-from grabberd.core.field import BOTTOM, PROGRESSIVE, TOP, PackedField, unpack
-from grabberd.errors import InputError, NotFound
+from grabberd.core.field import unpack
+from grabberd.errors import NotFound
 from grabberd.files.checked_file import write_checked
 from grabberd.files.disk import new_folder, storage_errors
 
@@ -54,32 +53,23 @@ def picture_png(field: RecordedField) -> bytes:
     return grey_png(unpack(field.numbered.packed).luma)
 
 
-def export_png(
-    path: Path, directory: Path, left_out: list[Damage] | None = None, *, woven: bool = False
-) -> int:
+def export_png(path: Path, directory: Path, left_out: list[Damage] | None = None) -> int:
     """Writes a folder of pictures, and `fields.csv`, which lists the fields; returns the number of pictures.
 
-    Damaged fields and those without a signal are among them, marked; `ledger.csv` has all others as well.
-
-    A picture is a field, or, `woven`, a frame of a top field and the bottom field after it; the rows of one
-    that is not in the file stay black, and the manifest does not list it. The replay driver plays the folder
-    again with the same times, parities and gaps.
+    Damaged fields and those without a signal are among them, marked; `ledger.csv` has all others as well. The
+    replay driver plays the folder again with the same times, parities and gaps.
 
     Args:
         path: The capture.
         directory: A new or empty folder.
         left_out: Takes up damaged fields, which are left out and listed in `left_out.csv`; None: they are an
             error.
-        woven: Frames instead of fields.
 
     Raises:
         CaptureFileError: The file is no capture.
-        InputError: Doubled fields cannot be woven.
         StorageError: The folder cannot be written, or is not empty.
     """
     with CaptureReader(path, left_out) as reader:
-        if woven and reader.meta.lines == "doubled":
-            raise InputError(f"the lines of {path} are doubled, so they cannot be woven", "export its fields")
         new_folder(directory)
         with (
             storage_errors(directory),
@@ -88,48 +78,16 @@ def export_png(
             manifest = csv.writer(file)
             manifest.writerow(MANIFEST_COLUMNS)
             count = 0
-            for picture in _frames(reader.fields()) if woven else ((field,) for field in reader.fields()):
-                manifest.writerows(_write_picture(picture, directory, "frame" if woven else "field"))
+            for field in reader.fields():
+                n, time_ns, sequence, packed = field.numbered
+                name, luma = f"field-{n:08d}.png", unpack(packed).luma
+                write_checked(directory / name, [grey_png(luma)], png_check(luma))
+                kind = packed.parity, packed.y0, packed.y_step
+                manifest.writerow((n, time_ns, sequence, *kind, str(field.outcome), name))
                 count += 1
             write_ledger_file(reader, directory)
             write_left_out_file(left_out, directory)
     return count
-
-
-def _frames(fields: Iterable[RecordedField]) -> Iterator[tuple[RecordedField, ...]]:
-    """Top fields with the bottom field that follows; all others alone, such as progressive pictures."""
-    frame: tuple[RecordedField, ...] = ()
-    for field in fields:
-        n, parity = field.numbered.n, field.numbered.packed.parity
-        if frame and (parity != BOTTOM or n != frame[0].numbered.n + 1):
-            yield frame
-            frame = ()
-        frame = (*frame, field)
-        if parity != TOP:
-            yield frame
-            frame = ()
-    if frame:
-        yield frame
-
-
-def _write_picture(
-    picture: Sequence[RecordedField], directory: Path, what: str
-) -> Iterator[tuple[object, ...]]:
-    name = f"{what}-{picture[0].numbered.n:08d}.png"
-    packed = [field.numbered.packed for field in picture]
-    is_whole = what == "field" or packed[0].parity == PROGRESSIVE
-    luma = unpack(packed[0]).luma if is_whole else _weave(packed)
-    write_checked(directory / name, [grey_png(luma)], png_check(luma))
-    for field in picture:
-        n, time_ns, sequence, p = field.numbered
-        yield (n, time_ns, sequence, p.parity, p.y0, p.y_step, str(field.outcome), name)
-
-
-def _weave(fields: Sequence[PackedField]) -> NDArray[np.uint8]:
-    frame = np.zeros((2 * fields[0].rows, fields[0].columns), np.uint8)
-    for field in fields:
-        frame[field.parity :: 2] = unpack(field).luma
-    return frame
 
 
 def thumbnail_png(path: Path, opened: Opened = CaptureReader) -> bytes:

@@ -1,25 +1,36 @@
-"""Points and channels of a capture as documents, thinned out to what a page can draw."""
+"""A page's view of a capture: points and channels thinned out, and stretches of it for its replay.
 
+A page that plays fifty fields a second cannot ask for each, and a second of points as JSON is half a
+megabyte, which it would have to read number by number. docs/reference/replay.md has both byte for byte.
+"""
+
+import struct
 from collections.abc import Collection, Iterator
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from grabberd.archive.capture.checked_rows import END
+from grabberd.archive.capture.content import PointArrays
+from grabberd.archive.capture.digests import END
 from grabberd.archive.capture.meta import SEALED
 from grabberd.archive.capture.reader import CaptureReader, Opened
 from grabberd.archive.capture.reading_groups import RecordedChannel
 from grabberd.archive.capture.recorded_channels import verdict_on
+from grabberd.archive.capture.rows import RecordedField
+from grabberd.archive.export.field_pictures import picture_png
 from grabberd.archive.export.points_columns import sigma_mm
 from grabberd.core.channels.account import AnomalyCount, ChannelAccount
+from grabberd.core.ledger import Outcome
 from grabberd.core.reconstruction.points import Points
 from grabberd.documents.channels import CaptureChannelsDocument
-from grabberd.documents.points import FieldPoints, PointsDocument
+from grabberd.documents.points_frame import FieldPoints, PointsDocument
 
 AXES = "xyz"
+MOST_READINGS = 800_000
+"""Readings of all channels together."""
 _END = b"]}"
 """End of the JSON of a document that ends with its list of fields."""
 
@@ -91,7 +102,7 @@ def _every(reader: CaptureReader, run: int, query: PointsQuery) -> int:
 
 
 def _last_n(reader: CaptureReader, query: PointsQuery) -> int:
-    return min(query.end_n, reader.ledger.end_n or 0)
+    return min(query.end_n, reader.end_n)
 
 
 def _of_targets(points: Points, targets: Collection[int]) -> Points:
@@ -125,7 +136,7 @@ def channels_json(path: Path, most: int, opened: Opened = CaptureReader) -> byte
         CaptureFileError: No such file, or its channels are damaged.
     """
     with opened(path) as reader:
-        account, begin_ns = reader.channels.account, reader.first_time_ns or 0
+        account, begin_ns, channels = reader.channels.account, reader.first_time_ns or 0, reader.channels.all
         accounts = {one.name: one for one in account.channels} if account else {}
         known = {
             "capture": reader.meta.id,
@@ -134,9 +145,9 @@ def channels_json(path: Path, most: int, opened: Opened = CaptureReader) -> byte
             "channels": [
                 {
                     **_described(one, accounts.get(one.name), begin_ns),
-                    **_thinned_out(reader, one, begin_ns, most),
+                    **_thinned_out(reader, one, begin_ns, min(most, MOST_READINGS // len(channels))),
                 }
-                for one in reader.channels.all
+                for one in channels
             ],
         }
     return CaptureChannelsDocument.model_validate(known).model_dump_json().encode()
@@ -190,3 +201,96 @@ def _thinned_out(reader: CaptureReader, channel: RecordedChannel, begin_ns: int,
         "kpa": shown if is_vacuum else [],
         "level": [] if is_vacuum else shown,
     }
+
+
+VERSION = 1
+MOST_POINT_FIELDS = 250
+"""Fields of a stretch of points: five seconds, a megabyte of a hundred targets."""
+MOST_PICTURES = 50
+"""Fields of a stretch of pictures: eight bits of a second are some eight megabytes."""
+POINTS_MAGIC, PICTURES_MAGIC = b"GRRP", b"GRRF"
+POINTS_HEADER = struct.Struct("<4sHHQIIQ")
+"""Magic, version, its own size, first field, number of fields, number of points, run."""
+PICTURES_HEADER = struct.Struct("<4sHHQII")
+"""Magic, version, its own size, first field, number of pictures, nothing."""
+PICTURE = struct.Struct("<IIHHBxxx")
+"""Of each: number from the first field on, bytes of its PNG, y0, y_step, outcome."""
+OUTCOMES = (Outcome.RECEIVED, Outcome.DAMAGED, Outcome.NO_SIGNAL)
+"""Outcomes of fields that are in the file, as they are numbered in a message."""
+
+
+class Stretch(NamedTuple):
+    """Consecutive fields of a capture.
+
+    Attributes:
+        first_n: Number of the first field.
+        end_n: Number after the last one.
+    """
+
+    first_n: int
+    end_n: int
+
+
+def replay_points(path: Path, run: int | None, stretch: Stretch, opened: Opened = CaptureReader) -> bytes:
+    """The points of a stretch, columns of all its fields together, the widest numbers first.
+
+    Args:
+        path: The capture.
+        run: Number of the run; None: the newest.
+        stretch: The fields; those without points are left out.
+        opened: Opens the capture.
+
+    Raises:
+        CaptureFileError, NotFound: No such file or run.
+    """
+    with opened(path) as reader:
+        number = reader.run_number(run)
+        begin_ns = reader.first_time_ns or 0
+        groups = list(reader.point_arrays(number, stretch.first_n, stretch.end_n))
+    columns = [_point_columns(group, stretch.first_n, begin_ns) for group in groups]
+    fields, points = sum(len(one.n) for one in groups), sum(len(one.points) for one in groups)
+    header = POINTS_HEADER.pack(
+        POINTS_MAGIC, VERSION, POINTS_HEADER.size, stretch.first_n, fields, points, number
+    )
+    return header + b"".join(column.tobytes() for parts in zip(*columns, strict=True) for column in parts)
+
+
+def _point_columns(group: PointArrays, first_n: int, begin_ns: int) -> tuple[NDArray[np.generic], ...]:
+    """Columns of the fields, then of the points; every width is a multiple of four, so all are aligned."""
+    points = group.points
+    sigma = np.sqrt((sigma_mm(points.covariance_mm2) ** 2).sum(axis=1))
+    return (
+        ((group.time_ns - begin_ns) / 1e9).astype("<f8"),
+        (group.n - first_n).astype("<u4"),
+        group.counts.astype("<u4"),
+        points.target.astype("<u4"),
+        points.xyz_mm.astype("<f4"),
+        sigma.astype("<f4"),
+        points.residual_px.astype("<f4"),
+        points.image_px.reshape(-1, 4).astype("<f4"),
+    )
+
+
+def replay_pictures(path: Path, stretch: Stretch, opened: Opened = CaptureReader) -> bytes:
+    """The pictures of a stretch as PNG, each with its place in the frame and what became of its field.
+
+    Args:
+        path: The capture.
+        stretch: The fields; those that are not in the file are left out.
+        opened: Opens the capture.
+
+    Raises:
+        CaptureFileError: No such file.
+    """
+    with opened(path) as reader:
+        fields = [(field, picture_png(field)) for field in reader.fields(*stretch)]
+    header = PICTURES_HEADER.pack(
+        PICTURES_MAGIC, VERSION, PICTURES_HEADER.size, stretch.first_n, len(fields), 0
+    )
+    places = (_place(field, len(png), stretch.first_n) for field, png in fields)
+    return b"".join((header, *places, *(png for _, png in fields)))
+
+
+def _place(field: RecordedField, length: int, first_n: int) -> bytes:
+    n, packed = field.numbered.n, field.numbered.packed
+    return PICTURE.pack(n - first_n, length, packed.y0, packed.y_step, OUTCOMES.index(field.outcome))

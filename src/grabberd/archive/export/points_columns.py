@@ -7,11 +7,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from grabberd.archive.capture.checked_rows import END
+from grabberd.archive.capture.digests import END
 from grabberd.archive.capture.meta import CaptureMeta
 from grabberd.archive.capture.reader import CaptureReader
 from grabberd.core.chain.columns import LABELS, WORD, Column, Rows
 from grabberd.core.reconstruction.points import Points
+from grabberd.core.reconstruction.smoothing import locked_share
 
 _NUMBER = Column("n", "", "i4", "number of the field: n nominal steps since the first, including lost ones")
 _UTC = Column("time_utc", "", "M8[ms]", "middle of the field's exposure; empty for a replayed recording")
@@ -37,13 +38,18 @@ _QUALITY = (
     ),
     _measure("residual_px", "px", "root mean square of the image residuals of the intersection"),
 )
+_LOCKED = "that stays in a mean while its image rests: locked to its place between the pixels"
+_LOCKED_SIGMA = tuple(
+    _measure(f"locked_sigma_{axis}_mm", "mm", f"part of sigma_{axis}_mm {_LOCKED}") for axis in "xyz"
+)
 _IMAGES = tuple(
     _measure(f"{view}_{axis}_px", "px", f"{axis} of its image in the {view} view, in frame pixels")
     for view in ("left", "right")
     for axis in "xy"
 )
 
-POINT_COLUMNS = (_NUMBER, _UTC, *_POSITION, *_QUALITY, *_IMAGES)
+# What came later stands at the end: programs count columns.
+POINT_COLUMNS = (_NUMBER, _UTC, *_POSITION, *_QUALITY, *_IMAGES, *_LOCKED_SIGMA)
 GRID_ARRAYS: Mapping[str, tuple[str, ...]] = {
     "xyz_mm": ("x_mm", "y_mm", "z_mm"),
     "sigma_mm": ("sigma_x_mm", "sigma_y_mm", "sigma_z_mm"),
@@ -51,6 +57,7 @@ GRID_ARRAYS: Mapping[str, tuple[str, ...]] = {
     "residual_px": ("residual_px",),
     "left_px": ("left_x_px", "left_y_px"),
     "right_px": ("right_x_px", "right_y_px"),
+    "locked_sigma_mm": ("locked_sigma_x_mm", "locked_sigma_y_mm", "locked_sigma_z_mm"),
 }
 """Arrays over fields and targets, for formats that have such, and the columns side by side in each."""
 
@@ -74,8 +81,9 @@ GRID_COLUMNS = (
     _array("residual_px", "root mean square of the image residuals of the intersection"),
     _array("left_px", "x and y of its image in the left view, in frame pixels"),
     _array("right_px", "x and y of its image in the right view, in frame pixels"),
+    _array("locked_sigma_mm", f"part of sigma_mm {_LOCKED}"),
 )
-CLOUD_COLUMNS = (_NUMBER, *_POSITION, *_QUALITY)
+CLOUD_COLUMNS = (_NUMBER, *_POSITION, *_QUALITY, *_LOCKED_SIGMA)
 """Columns of a point cloud, for programs that know neither the time of day nor pictures."""
 DATASET_COLUMNS = (
     *POINT_COLUMNS,
@@ -118,7 +126,8 @@ def _timed_rows(
     sigma, calibration = sigma_mm(points.covariance_mm2), sigma_mm(points.calibration_covariance_mm2)
     of_points = (points.target, *points.xyz_mm.T, *sigma.T, *calibration.T, points.residual_px)
     images = points.image_px.reshape(len(points), 4)
-    values = (*(np.repeat(one, counts) for one in of_fields), *of_points, *images.T)
+    locked = sigma * np.sqrt(locked_share(meta.bits, interlaced=meta.is_interlaced))
+    values = (*(np.repeat(one, counts) for one in of_fields), *of_points, *images.T, *locked.T)
     return {
         column.name: value.astype(column.dtype) for column, value in zip(POINT_COLUMNS, values, strict=True)
     }

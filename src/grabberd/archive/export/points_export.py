@@ -4,15 +4,16 @@
 """
 
 import json
+import math
 from collections.abc import Generator, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import IO, Any
 
 from grabberd import __version__
-from grabberd.archive.capture.checked_rows import END
-from grabberd.archive.capture.digests import MISSING, Damage
+from grabberd.archive.capture.digests import END, MISSING, Damage
 from grabberd.archive.capture.reader import CaptureReader
+from grabberd.archive.capture.schema import reading_errors
 from grabberd.archive.export.channels_export import export_channels
 from grabberd.archive.export.points_columns import CLOUD_COLUMNS, POINT_COLUMNS, rows_by_group
 from grabberd.archive.export.read_back import csv_check, parquet_check, ply_check
@@ -30,7 +31,9 @@ from grabberd.archive.export.table_files import (
     write_parquet,
 )
 from grabberd.core.chain.columns import regrouped
+from grabberd.core.geometry.local_field import PATTERNS
 from grabberd.core.ledger import Ledger, cause_of_loss
+from grabberd.documents.captures import CorrectionDocument, ViewCorrection
 from grabberd.errors import NotFound
 from grabberd.files.checked_file import Check, checked_file, write_checked
 from grabberd.files.disk import new_folder, storage_errors
@@ -39,6 +42,21 @@ POINTS_A_GROUP = 40_000
 """Points in a row group of Parquet, and so in memory at once: about ten seconds of them."""
 LEDGER = "ledger.csv"
 LEDGER_COLUMNS = ("first_n", "count", "outcome", "cause", "reason")
+CORRECTIONS = "corrections.csv"
+CORRECTION_COLUMNS = (
+    *(
+        "first_n",
+        "view",
+        "state",
+        "marks",
+        "shift_x_px",
+        "shift_y_px",
+        "sigma_shift_x_px",
+        "sigma_shift_y_px",
+    ),
+    *(f"{pattern}_px" for pattern in PATTERNS),
+    *(f"sigma_{pattern}_px" for pattern in PATTERNS),
+)
 LEFT_OUT = "left_out.csv"
 LEFT_OUT_COLUMNS = Damage._fields
 REBASE = "rebase"
@@ -111,7 +129,7 @@ def open_run(
     Args:
         path: The capture.
         run: Number of the run; None: the latest.
-        left_out: Takes up damaged points. None: they are an error, and told here, since whoever sends points
+        left_out: Takes up damaged points. None: they are an error, raised here, since whoever sends points
             could not take back what was sent before it came to them.
         first_n: Number of the first field that is wanted.
         end_n: Number after the last.
@@ -123,6 +141,7 @@ def open_run(
     try:
         number = reader.run(run).run
         if left_out is None:
+            reader.check_numbers(number, first_n, end_n)
             reader.check_points(number, first_n, end_n)
         else:
             left_out += _missing_points(path, number, first_n, end_n)
@@ -168,6 +187,7 @@ def export_csv(
     with points_file(path, directory, "points.csv", check, left_out, dialect) as file:
         rows = write_csv(file, text)
         export_channels(path, directory, "csv", left_out, dialect)
+        _export_corrections(path, directory, run, dialect)
     return rows
 
 
@@ -207,7 +227,13 @@ def export_parquet(
     with points_file(path, directory, "points.parquet", check, left_out) as file:
         points = points_parquet(path, number, file, left_out)
         export_channels(path, directory, "parquet", left_out)
+        _export_corrections(path, directory, number)
     return points
+
+
+def _export_corrections(path: Path, directory: Path, run: int | None, dialect: CsvDialect = COMMAS) -> None:
+    with CaptureReader(path) as reader:
+        write_corrections_file(reader, reader.run_number(run), directory, dialect)
 
 
 def _csv(reader: CaptureReader, run: int, dialect: CsvDialect) -> Generator[str, None, None]:
@@ -271,6 +297,32 @@ def write_ledger_file(reader: CaptureReader, directory: Path, dialect: CsvDialec
         StorageError: The file cannot be written, or is there already.
     """
     _write(directory / LEDGER, LEDGER_COLUMNS, ledger_rows(reader.ledger), dialect)
+
+
+def write_corrections_file(
+    reader: CaptureReader, run: int, directory: Path, dialect: CsvDialect = COMMAS
+) -> None:
+    """Writes `corrections.csv`: what was taken off either view, from which field on; none without marks.
+
+    Raises:
+        CaptureFileError: The capture is damaged.
+        StorageError: The file cannot be written, or is there already.
+    """
+    stored = (reader.run(run).coverage or {}).get("corrections")
+    if not stored:
+        return
+    with reading_errors(reader.path):
+        known = [CorrectionDocument.model_validate(one) for one in stored]
+    views = ((one.n, name, getattr(one, name)) for one in known for name in ("left", "right"))
+    rows = [(n, name, *_correction_cells(view)) for n, name, view in views]
+    _write(directory / CORRECTIONS, CORRECTION_COLUMNS, rows, dialect)
+
+
+def _correction_cells(view: ViewCorrection) -> tuple[object, ...]:
+    values = (view.shift_px, view.shift_sigma_px, view.pattern_px, view.pattern_sigma_px)
+    counts = (2, 2, len(PATTERNS), len(PATTERNS))
+    numbers = (known or [math.nan] * count for known, count in zip(values, counts, strict=True))
+    return (str(view.state), view.marks, *(one for known in numbers for one in known))
 
 
 def write_left_out_file(

@@ -17,9 +17,10 @@ from contextlib import closing
 from pathlib import Path
 from typing import Any, NamedTuple
 
+from grabberd import runtime
 from grabberd.archive.guarded_database import open_tables, read_header
-from grabberd.archive.state.state_backups import CAPTURES_FOLDER, ORIGIN
 from grabberd.archive.state.state_database import MIGRATIONS, copy_of, tables_of
+from grabberd.archive.state.state_keeper import CAPTURES_FOLDER, ORIGIN
 from grabberd.bounded_documents import LARGEST_DOCUMENT
 from grabberd.errors import InputError, StorageError
 from grabberd.files.disk import (
@@ -32,7 +33,7 @@ from grabberd.files.disk import (
     sync_directory,
     write_synced,
 )
-from grabberd.files.json_value import read_json
+from grabberd.files.documents import read_json
 
 SCHEMA, VERSION = "grabberd/backup", 1
 MANIFEST, STATE, CALIBRATIONS = "manifest.json", "state.sqlite", "calibrations"
@@ -86,7 +87,7 @@ def back_up(directory: Path, out: Path, created_utc: str, version: str) -> Backu
             raise StorageError(f"{out} exists already", "name another file; nothing is overwritten")
         try:
             _write_zip(part, {MANIFEST: document, **members})
-            os.rename(part, out)
+            runtime.rename(part, out)
         finally:
             part.unlink(missing_ok=True)
     return _info(manifest)
@@ -119,8 +120,8 @@ def restore(directory: Path, backup: Path, now: str) -> tuple[BackupInfo, Path |
             _write_members(scratch, members)
             _forget_surroundings(scratch / STATE)
             replaced = _keep(directory, directory / f"{REPLACED}{now}")
-            os.rename(scratch / CALIBRATIONS, directory / CALIBRATIONS)
-            os.replace(scratch / STATE, directory / STATE)
+            runtime.rename(scratch / CALIBRATIONS, directory / CALIBRATIONS)
+            runtime.replace(scratch / STATE, directory / STATE)
             sync_directory(directory)
     finally:
         lock.release()
@@ -164,7 +165,7 @@ def _write_zip(path: Path, members: Mapping[str, bytes]) -> None:
             for name, content in members.items():
                 archive.writestr(name, content)
         file.flush()
-        os.fsync(file.fileno())
+        runtime.fsync(file.fileno())
 
 
 def _read(path: Path) -> tuple[dict[str, Any], dict[str, bytes]]:
@@ -265,7 +266,7 @@ def _write_members(folder: Path, members: Mapping[str, bytes]) -> None:
 
 def _forget_surroundings(state: Path) -> None:
     """Removes the id of the captures folder and the origin, which do not apply to the restored state."""
-    with closing(sqlite3.connect(state)) as connection, connection:
+    with closing(runtime.connect(state)) as connection, connection:
         connection.execute("DELETE FROM settings WHERE key IN (?, ?)", (CAPTURES_FOLDER, ORIGIN))
 
 
@@ -276,7 +277,7 @@ def _keep(directory: Path, folder: Path) -> Path | None:
         return None
     folder.mkdir()
     for name in present:
-        (os.link if name == STATE else os.rename)(directory / name, folder / name)
+        (runtime.link if name == STATE else runtime.rename)(directory / name, folder / name)
     return folder
 
 

@@ -19,6 +19,7 @@ from functools import lru_cache
 from pathlib import Path
 from typing import Any, Literal
 
+from grabberd import runtime
 from grabberd.core.geometry import Calibration
 from grabberd.errors import Conflict, InputError, NotFound, StorageError
 from grabberd.files.checked_file import check_file, text_check
@@ -32,7 +33,7 @@ from grabberd.files.disk import (
 )
 
 ID = re.compile(r"[0-9A-Za-z_-]{1,80}")
-REMEMBERED = 256
+REMEMBERED, DATES_REMEMBERED = 256, 1 << 16
 
 DOCUMENT, RECORD, REPORT, PAGE = "calibration.json", "record.json", "report.json", "report.html"
 
@@ -83,6 +84,7 @@ class CalibrationStore:
         self.directory = directory
         # Keyed by time and size, too, so that a folder repaired by hand is read again.
         self._read = lru_cache(REMEMBERED)(lambda folder, mtime_ns, size: _read(folder))
+        self._created = lru_cache(DATES_REMEMBERED)(lambda folder, mtime_ns, size: _created_utc(folder))
 
     def open(self) -> None:
         """Creates the folder, and removes unfinished calibrations left by a crash.
@@ -143,10 +145,16 @@ class CalibrationStore:
     def __contains__(self, calibration_id: str) -> bool:
         return ID.fullmatch(calibration_id) is not None and (self.directory / calibration_id).exists()
 
-    def list(self) -> list[StoredCalibration]:
-        """All calibrations, newest first, damaged ones last."""
-        names = sorted(path.name for path in self.directory.glob("*") if not path.name.startswith("."))
-        return sorted(map(self._entry, names), key=_age_order, reverse=True)
+    def created(self) -> dict[str, str | None]:
+        """Times of creation of all calibrations, by id; None for a damaged one."""
+        return {name: self._created_utc(name) for name in self._names()}
+
+    def entry(self, calibration_id: str) -> StoredCalibration:
+        """One calibration, which may be damaged, or missing by now."""
+        try:
+            return self._read(*self._version(calibration_id))
+        except _UNREADABLE as error:
+            return StoredCalibration(calibration_id, problem=f"{getattr(error, 'strerror', None) or error}")
 
     def get(self, calibration_id: str) -> StoredCalibration:
         """One usable calibration.
@@ -156,7 +164,7 @@ class CalibrationStore:
             StorageError: The calibration is damaged.
         """
         self._folder(calibration_id)
-        entry = self._entry(calibration_id)
+        entry = self.entry(calibration_id)
         if entry.problem is not None:
             raise StorageError(
                 f"calibration {calibration_id} is damaged: {entry.problem}",
@@ -166,7 +174,8 @@ class CalibrationStore:
 
     def made_by(self, job: str) -> str | None:
         """Id of the calibration stored by a job; None if it has stored none."""
-        return next((entry.id for entry in self.list() if entry.record.job == job), None)
+        entries = map(self.entry, self._names())
+        return next((entry.id for entry in entries if entry.record.job == job), None)
 
     def content(self, calibration_id: str) -> bytes:
         """The document as it was stored, byte for byte.
@@ -199,19 +208,24 @@ class CalibrationStore:
             raise NotFound(f"no calibration {calibration_id!r}", "GET /api/v1/calibrations lists all of them")
         return self.directory / calibration_id
 
-    def _entry(self, name: str) -> StoredCalibration:
-        folder = self.directory / name
+    def _names(self) -> list[str]:
+        return sorted(path.name for path in self.directory.glob("*") if not path.name.startswith("."))
+
+    def _created_utc(self, name: str) -> str | None:
         try:
-            stat = (folder / DOCUMENT).stat()
-            return self._read(folder, stat.st_mtime_ns, stat.st_size)
-        except (OSError, ValueError, TypeError, RecursionError, InputError) as error:
-            return StoredCalibration(name, problem=f"{getattr(error, 'strerror', None) or error}")
+            return self._created(*self._version(name))
+        except _UNREADABLE:
+            return None
+
+    def _version(self, name: str) -> tuple[Path, int, int]:
+        stat = (self.directory / name / DOCUMENT).stat()
+        return self.directory / name, stat.st_mtime_ns, stat.st_size
 
     def _publish(self, made: Path) -> None:
         """Renames a finished folder; renaming never replaces a non-empty folder."""
         target = self.directory / made.name
         try:
-            made.rename(target)
+            runtime.rename(made, target)
         except OSError:
             if not target.exists():
                 raise
@@ -240,8 +254,11 @@ def moment_of(created_utc: str) -> datetime:
     return moment if moment.tzinfo else moment.replace(tzinfo=UTC)
 
 
-def _age_order(entry: StoredCalibration) -> tuple[bool, datetime]:
-    return entry.problem is None, moment_of(entry.document.get("created_utc", "0001-01-01"))
+_UNREADABLE = (OSError, ValueError, TypeError, RecursionError, InputError)
+
+
+def _created_utc(folder: Path) -> str:
+    return str(_read(folder).document["created_utc"])
 
 
 def _read(folder: Path) -> StoredCalibration:

@@ -6,16 +6,15 @@ A running daemon rebuilds it whenever it is found missing or damaged.
 import builtins
 import os
 import sqlite3
-import threading
-import time
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager, closing, nullcontext, suppress
 from pathlib import Path
 from typing import Any, TypeVar
 
+from grabberd import runtime
 from grabberd.archive.capture.captures_folder import plainly_named
 from grabberd.archive.capture.crash_recovery import set_aside
-from grabberd.archive.capture.schema import DAMAGED, PART, SUFFIX
+from grabberd.archive.capture.schema import DAMAGED, PART, SUFFIX, remove_with_journal
 from grabberd.archive.guarded_database import JOURNAL, open_tables, read_header
 from grabberd.archive.state.index_entries import (
     CAPTURES,
@@ -95,7 +94,7 @@ class CaptureIndex:
         self._heal = heal or (lambda _: self.rebuild(anew=True))
         self._read_entries = read_entries
         self._kept_out: set[Path] = set()
-        self._changing = threading.Lock()
+        self._changing = runtime.lock()
         self._rebuilding = False
 
     def rebuild(self, unsealed: Iterable[Path] = (), *, anew: bool = False) -> None:
@@ -209,14 +208,14 @@ class CaptureIndex:
         """Replaces the index by a new one, completely or not at all."""
         new = self.path.with_name(f".{self.path.name}{PART}")
         with storage_errors(self.path):
-            _forget(new)
-            with closing(sqlite3.connect(new)) as connection:
+            remove_with_journal(new)
+            with closing(runtime.connect(new)) as connection:
                 connection.executescript(_TABLE + f"PRAGMA user_version = {VERSION};")
                 with connection:
                     connection.executemany(_INSERT, entries)
             # A journal of the old index would be applied to the new one.
             self.path.with_name(self.path.name + JOURNAL).unlink(missing_ok=True)
-            os.replace(new, self.path)
+            runtime.replace(new, self.path)
 
     def _select(self, which: str, *values: object) -> "builtins.list[IndexEntry]":
         """Captures selected by a clause, after adding those that could not be added before."""
@@ -271,7 +270,9 @@ class CaptureIndex:
         except (sqlite3.Error, OSError) as error:
             if getattr(error, "sqlite_errorcode", 0) == sqlite3.SQLITE_INTERRUPT:
                 check_patience(self.path.name)
-            if isinstance(error, sqlite3.DatabaseError) and (is_damaged(error) or not self.path.exists()):
+            if isinstance(error, sqlite3.DatabaseError) and (
+                is_damaged(error, self.path) or not self.path.exists()
+            ):
                 raise Unusable(f"{error}" if self.path.exists() else "it is gone") from error
             raise self._error(error) from error
 
@@ -304,11 +305,6 @@ def _set_aside(reading: Reading) -> bool:
     return True
 
 
-def _forget(database: Path) -> None:
-    for path in (database, database.with_name(database.name + JOURNAL)):
-        path.unlink(missing_ok=True)
-
-
 class IndexKeeper:
     """Rebuilds the index in a separate thread; requests wait for it for a short time.
 
@@ -327,15 +323,15 @@ class IndexKeeper:
         index: CaptureIndex,
         unsealed: Callable[[], Iterable[Path]],
         faults: FaultBoard,
-        now_s: Callable[[], float] = time.monotonic,
+        now_s: Callable[[], float] = runtime.monotonic,
     ) -> None:
         self.rebuilt = 0
         self._index = index
         self._unsealed = unsealed
         self._faults = faults
         self._now_s = now_s
-        self._lock = threading.Lock()
-        self._done: threading.Event | None = None
+        self._lock = runtime.lock()
+        self._done: runtime.Event | None = None
         self._failure: StorageError | None = None
         self._not_before_s = 0.0
 
@@ -357,23 +353,23 @@ class IndexKeeper:
         if self._failure is not None:
             raise self._failure
 
-    def _started(self, reason: Unusable) -> threading.Event:
+    def _started(self, reason: Unusable) -> runtime.Event:
         with self._lock:
             if self._done is not None and not self._done.is_set():
                 return self._done
             if self._failure is not None and self._now_s() < self._not_before_s:
                 raise self._failure
-            self._done = threading.Event()
+            self._done = runtime.event()
             self._faults.report(
                 Cause.INDEX_REBUILDING,
                 f"{self._index.path.name} is unusable ({reason}) and is being rebuilt from the captures",
                 "nothing is lost, and captures go on; the list is there again in a moment",
                 "warning",
             )
-            threading.Thread(target=self._rebuild, args=(self._done,), name="index", daemon=True).start()
+            runtime.Thread(target=self._rebuild, args=(self._done,), name="index", daemon=True).start()
             return self._done
 
-    def _rebuild(self, done: threading.Event) -> None:
+    def _rebuild(self, done: runtime.Event) -> None:
         try:
             self._index.rebuild(self._unsealed(), anew=True)
         except (StorageError, OSError) as error:

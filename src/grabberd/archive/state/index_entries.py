@@ -7,16 +7,16 @@ import json
 from collections.abc import Iterable, Iterator
 from datetime import datetime
 from pathlib import Path
-from time import monotonic
 from typing import Any, NamedTuple
 
+from grabberd import runtime
 from grabberd.archive.capture.captures_folder import is_plain
 from grabberd.archive.capture.crash_recovery import numbered, reason_of
 from grabberd.archive.capture.reader import CaptureReader
 from grabberd.archive.capture.schema import DAMAGED, PART, SUFFIX
 from grabberd.errors import CaptureFileError, LaterVersion, ReadingGivenUp, StorageError
 from grabberd.files.disk import storage_errors
-from grabberd.files.json_value import read_json
+from grabberd.files.documents import read_json
 from grabberd.files.patience import Patience, within
 from grabberd.work.process import HOSTILE, ask_each
 
@@ -41,7 +41,7 @@ class IndexEntry(NamedTuple):
         length: Number of expected fields, and `losses`, of those not received; −1 if unknown.
         runs: Number of runs.
         calibration: Id of the calibration of the newest run; empty if there is none.
-        widths: Curve of the wall's width as a JSON list, see `catalogue.width_courses`; empty until it is
+        widths: Curve of the wall's width as a JSON list, see `catalogue.capture_list`; empty until it is
             first requested.
     """
 
@@ -222,7 +222,7 @@ def read_entry(path: Path, longest_s: float) -> list[Any]:
     """`is_damage` and the entry of a file; called in the separate process."""
     try:
         # Half of the time limit, so that a slow statement is interrupted with a reason.
-        with within(Patience(monotonic() + longest_s / 2)):
+        with within(Patience(runtime.monotonic() + longest_s / 2)):
             return [False, *sealed_entry(path)]
     except (LaterVersion, ReadingGivenUp, StorageError) as error:  # the file itself may be sound
         return [False, *damaged_entry(path, error.message)]

@@ -117,7 +117,7 @@ class JobStore(StateDatabase):
         except ValueError as error:
             return str(error)
         except (sqlite3.Error, OSError) as error:
-            if isinstance(error, sqlite3.Error) and is_damaged(error):
+            if isinstance(error, sqlite3.Error) and is_damaged(error, self.path):
                 return str(error)
             raise StorageError(f"{QUEUE} cannot be read: {error}", "fix the disk, or its rights") from error
 

@@ -1,11 +1,10 @@
 """`state.sqlite`, which cannot be rebuilt from captures: its schema by version, one transaction per call.
 
-Its stores: settings, annotations of captures (pins, notes, labels, marks), answers to requests that must take
-effect only once however often they are sent, and summaries that await acknowledgement by a receiver.
+Its stores: settings, annotations of captures (pins, notes, labels, marks), tokens and sessions, answers to
+requests that must take effect only once, and summaries that await acknowledgement by a receiver.
 """
 
 import json
-import os
 import sqlite3
 from collections.abc import Callable, Collection, Iterator, Mapping
 from contextlib import closing, contextmanager
@@ -14,8 +13,9 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any, ClassVar, NamedTuple
 
+from grabberd import runtime
 from grabberd.archive.guarded_database import JOURNAL
-from grabberd.errors import StorageError
+from grabberd.errors import Conflict, NotFound, StorageError
 from grabberd.files.disk import OWNER_ONLY, is_damaged, storage_errors, sync_directory
 
 Migrations = tuple[tuple[str, ...], ...]
@@ -54,8 +54,12 @@ MIGRATIONS: Migrations = (
 )
 """Entry n migrates from version n to n + 1. Released entries never change; new ones are appended."""
 TIMEOUT_S = 10.0
+SESSIONS_A_TOKEN = 32
+"""Maximum number of sessions per token; beyond it, the oldest end."""
 STAMP = "%Y%m%dT%H%M%S%fZ"
 """Format of a time in a file name."""
+GUARDED = "guarded"
+"""Key of the settings: tokens were lost, so access requires a token until a new one is added."""
 ASIDE = "damaged-"
 """Prefix of the time in the name of a database that was set aside."""
 
@@ -82,7 +86,7 @@ def copy_of(path: Path, mode: str) -> bytes:
         sqlite3.Error: The database is damaged, or cannot be read.
     """
     uri = f"{path.absolute().as_uri()}?mode={mode}"
-    with closing(sqlite3.connect(uri, uri=True)) as source, closing(sqlite3.connect(":memory:")) as copy:
+    with closing(runtime.connect(uri, uri=True)) as source, closing(runtime.connect(":memory:")) as copy:
         source.backup(copy)
         return copy.serialize()
 
@@ -97,7 +101,7 @@ def set_aside(path: Path, now: datetime) -> str | None:
     with storage_errors(path):
         for end in (JOURNAL, ""):  # a remaining journal would be applied to the next database
             if (there := path.with_name(path.name + end)).exists():
-                os.rename(there, aside.with_name(aside.name + end))
+                runtime.rename(there, aside.with_name(aside.name + end))
         sync_directory(path.parent)
         return aside.name if aside.exists() else None
 
@@ -194,15 +198,15 @@ class StateDatabase:
         return connection
 
     def _connect(self) -> sqlite3.Connection:
-        # Without the mode, SQLite would create an empty file if it is missing.
+        # Without the mode, SQLite would create one that is missing.
         uri = f"{self.path.absolute().as_uri()}?mode=rw"
-        connection = sqlite3.connect(uri, uri=True, timeout=TIMEOUT_S)
-        # Off by default, and set per connection: without it, sessions of a removed token would stay valid.
-        connection.execute("PRAGMA foreign_keys = ON")
+        connection = runtime.connect(uri, uri=True, timeout=TIMEOUT_S)
+        connection.execute("PRAGMA foreign_keys = ON")  # else sessions of a removed token would stay valid
+        connection.execute("PRAGMA synchronous = EXTRA")  # else a power cut may bring back a deleted journal
         return connection
 
     def _is_lost(self, error: sqlite3.Error) -> bool:
-        return isinstance(error, _Empty) or is_damaged(error) or not self.path.exists()
+        return isinstance(error, _Empty) or is_damaged(error, self.path) or not self.path.exists()
 
 
 class _Empty(sqlite3.DatabaseError):
@@ -294,6 +298,128 @@ def _annotation(row: tuple[Any, ...]) -> Annotation:
     return Annotation(bool(pinned), note, None if labels is None else json.loads(labels), named)
 
 
+class TokenRow(NamedTuple):
+    """A token without its secret, with the number of its active sessions.
+
+    Attributes:
+        expires_utc: Expiry; None: valid until it is removed.
+    """
+
+    name: str
+    role: str
+    created_utc: str
+    sessions: int
+    expires_utc: str | None = None
+
+
+class Holder(NamedTuple):
+    """Holder of a token or of a session.
+
+    Attributes:
+        name: Name of the token.
+        role: Role of the token.
+        expires_utc: Time when the token expires; None: never.
+        ends_utc: Time when the session ends, which is never after that; None for a token.
+    """
+
+    name: str
+    role: str
+    expires_utc: str | None = None
+    ends_utc: str | None = None
+
+
+class TokenStore(StateDatabase):
+    """The tokens and sessions in `state.sqlite`. Times are ISO 8601 UTC in one format: they sort as text."""
+
+    def add(
+        self, name: str, role: str, token_hash: bytes, created_utc: str, expires_utc: str | None = None
+    ) -> None:
+        """Stores a token.
+
+        Raises:
+            Conflict: A token with that name already exists.
+        """
+        with self.transaction() as connection:
+            if connection.execute("SELECT 1 FROM tokens WHERE name = ?", (name,)).fetchone():
+                raise Conflict(
+                    f"token {name!r} exists already",
+                    f"choose another name, or remove the old one first: grabberd token remove {name}",
+                )
+            connection.execute("DELETE FROM settings WHERE key = ?", (GUARDED,))
+            connection.execute(
+                "INSERT INTO tokens (name, role, hash, created_utc, expires_utc) VALUES (?, ?, ?, ?, ?)",
+                (name, role, token_hash, created_utc, expires_utc),
+            )
+
+    def remove(self, name: str) -> None:
+        """Removes a token and all its sessions.
+
+        Raises:
+            NotFound: No token has that name.
+        """
+        with self.transaction() as connection:
+            if not connection.execute("DELETE FROM tokens WHERE name = ?", (name,)).rowcount:
+                raise NotFound(f"no token {name!r}", "grabberd token list shows the existing tokens")
+
+    def list(self, now_utc: str) -> list[TokenRow]:
+        """All tokens, sorted by name."""
+        query = (
+            "SELECT name, role, created_utc, (SELECT count(*) FROM sessions "
+            "WHERE token = name AND sessions.expires_utc > ?), expires_utc FROM tokens ORDER BY name"
+        )
+        return [TokenRow(*row) for row in self.execute(query, now_utc)]
+
+    def guards(self) -> bool:
+        """True if there is any token, even an expired one, or tokens may have been lost."""
+        return bool(
+            self.execute(
+                "SELECT 1 FROM tokens UNION ALL SELECT 1 FROM settings WHERE key = ? LIMIT 1", GUARDED
+            )
+        )
+
+    def of_token(self, token_hash: bytes) -> Holder | None:
+        """Holder of a token, expired or not."""
+        return self._holder("SELECT name, role, expires_utc FROM tokens WHERE hash = ?", token_hash)
+
+    def of_session(self, session_hash: bytes, now_utc: str) -> Holder | None:
+        """Holder of the token behind a session, if neither has expired."""
+        query = (
+            "SELECT name, role, tokens.expires_utc, "
+            "min(sessions.expires_utc, ifnull(tokens.expires_utc, sessions.expires_utc)) "
+            "FROM sessions JOIN tokens ON token = name "
+            "WHERE sessions.hash = ?1 AND sessions.expires_utc > ?2 "
+            "AND (tokens.expires_utc IS NULL OR tokens.expires_utc > ?2)"
+        )
+        return self._holder(query, session_hash, now_utc)
+
+    def add_session(self, session_hash: bytes, token: str, now_utc: str, expires_utc: str) -> None:
+        """Stores a session, and removes expired ones.
+
+        Raises:
+            NotFound: The token has been removed.
+        """
+        with self.transaction() as connection:
+            if not connection.execute("SELECT 1 FROM tokens WHERE name = ?", (token,)).fetchone():
+                raise NotFound(f"no token {token!r}", "it has just been removed; ask for another")
+            connection.execute(
+                "INSERT INTO sessions VALUES (?, ?, ?, ?)", (session_hash, token, now_utc, expires_utc)
+            )
+            connection.execute("DELETE FROM sessions WHERE expires_utc <= ?", (now_utc,))
+            connection.execute(
+                "DELETE FROM sessions WHERE token = ? AND hash NOT IN (SELECT hash FROM sessions "
+                "WHERE token = ? ORDER BY created_utc DESC, hash LIMIT ?)",
+                (token, token, SESSIONS_A_TOKEN),
+            )
+
+    def remove_session(self, session_hash: bytes) -> None:
+        """Ends a session, if it exists."""
+        self.execute("DELETE FROM sessions WHERE hash = ?", session_hash)
+
+    def _holder(self, query: str, *values: object) -> Holder | None:
+        rows = self.execute(query, *values)
+        return Holder(*rows[0]) if rows else None
+
+
 class KeptAnswer(NamedTuple):
     """The answer to a request with a key.
 
@@ -359,9 +485,7 @@ class Outbox(StateDatabase):
     def first(self) -> tuple[str, dict[str, Any]] | None:
         """The first waiting capture, by id, and its summary; None if none is waiting."""
         query = "SELECT capture, summary FROM outbox WHERE summary IS NOT NULL ORDER BY capture LIMIT 1"
-        return next(
-            ((capture_id, json.loads(document)) for capture_id, document in self.execute(query)), None
-        )
+        return next(((capture_id, json.loads(text)) for capture_id, text in self.execute(query)), None)
 
     def acknowledge(self, capture_id: str) -> None:
         """Drops a summary that was received."""

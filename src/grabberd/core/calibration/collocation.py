@@ -9,17 +9,15 @@ signal. Their sizes are those of greatest restricted likelihood.
 """
 
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from itertools import product
 from typing import NamedTuple, TypeAlias
 
 import numpy as np
-from numpy.typing import NDArray
 
+from grabberd.core.arrays import Array, Indices
 from grabberd.core.calibration.adjustment.network import Network, Unknowns
 from grabberd.core.geometry import Rig, View, linearise, parameter_slopes
-
-Array = NDArray[np.float64]
 
 _UNKNOWN_MM = 10.0
 """Stands for the infinite σ of an unknown position: an image point determines it far better."""
@@ -70,7 +68,9 @@ class Collocation:
 
     def __init__(self, network: Network, unknowns: Unknowns, views: tuple[View, ...], xyz_mm: Array) -> None:
         self.network, self.unknowns, self.views = network, unknowns, views
-        computed, slopes = linearise(Rig.of_views(views), xyz_mm)
+        rig = Rig.of_views(views)
+        computed, slopes = linearise(rig, xyz_mm)
+        computed += network.offsets_px(rig, xyz_mm, slopes)
         own = slopes.swapaxes(2, 3)[:, network.view, network.target]
         moved = (own * (xyz_mm - network.target_mm)[network.target]).sum(axis=2)
         observed = network.xy_px.T - computed[:, network.view, network.target]
@@ -82,7 +82,7 @@ class Collocation:
         self.distance_px = self.distances(network.view, network.xy_px)
         self.noise = (network.sigma_px.T**2).ravel()
 
-    def distances(self, view: NDArray[np.intp] | int, xy_px: Array) -> Array:
+    def distances(self, view: Indices | int, xy_px: Array) -> Array:
         """(N, M) distances from positions (N, 2) in a view, or one view each, to the image points."""
         camera = self.network.cameras(self.network.view)
         other = np.not_equal.outer(np.broadcast_to(self.network.cameras(view), len(xy_px)), camera)
@@ -101,13 +101,15 @@ class Collocation:
 
     def likelihood(self, components: Components) -> float:
         """Restricted log likelihood: that of everything no change of the unknowns can explain."""
-        covariance = self.covariance(components)
-        try:
-            root = np.linalg.cholesky(covariance)
-        except np.linalg.LinAlgError:
+        from scipy.linalg import lapack  # noqa: PLC0415 - 20 MB with what it loads, for calibrations alone
+
+        # Upper in numpy's order is lower in Fortran's, so that nothing is copied.
+        root, failed = lapack.dpotrf(self.covariance(components).T, lower=1, overwrite_a=1, clean=0)
+        if failed:
             return -np.inf
         right = np.column_stack([self.trend, self.misclosure])
-        normal = right.T @ np.linalg.solve(covariance, right)
+        white, _ = lapack.dtrtrs(root, right, lower=1)
+        normal = white.T @ white
         step = np.linalg.solve(normal[:-1, :-1], normal[:-1, -1])
         squares = normal[-1, -1] - normal[-1, :-1] @ step
         spread = 2 * np.log(np.diag(root)).sum() + np.linalg.slogdet(normal[:-1, :-1])[1]
@@ -149,31 +151,32 @@ class Solution:
         self.projected: Array = self.inverse - weighted @ self.cofactor @ weighted.T
         self.influence: Array = self.projected @ collocation.misclosure
 
-    def signal(self, view: NDArray[np.intp] | int, xy_px: Array) -> Array:
+    def signal(self, view: Indices | int, xy_px: Array) -> Array:
         """(N, 2) float64 signal at positions (N, 2) of a view, or of one view each, frame pixels."""
         covariance = self.components.covariance(self.collocation.distances(view, xy_px))
         return covariance @ self.influence.reshape(2, -1).T
 
-    def variance(self, view: int, xy_px: Array, trend: Array) -> Array:
-        """(2, N) variance in px² of trend and signal together at positions (N, 2) of a view.
+    def covariance(self, views: Sequence[int], xy_px: Array, trend: Array) -> Array:
+        """(2, N, K, K) covariance in px² of trend and signal together, of x and of y, among K views.
 
         Args:
-            view: Index of the view.
-            xy_px: The positions, frame pixels.
-            trend: (2, N, U) slopes of x and y by the unknowns there.
+            views: Indices of the views, of different virtual cameras.
+            xy_px: (K, N, 2) positions in each of them, frame pixels.
+            trend: (K, 2, N, U) slopes of x and y by the unknowns there.
         """
         scaled = trend / self.collocation.scale
-        covariance = self.components.covariance(self.collocation.distances(view, xy_px))
-        return np.stack([self._variance(axis, covariance, scaled[axis]) for axis in range(2)])
+        distance = [self.collocation.distances(*one) for one in zip(views, xy_px, strict=True)]
+        signal = self.components.covariance(np.array(distance))
+        return np.stack([self._covariance(axis, signal, scaled[:, axis]) for axis in range(2)])
 
-    def _variance(self, axis: int, covariance: Array, trend: Array) -> Array:
-        count = covariance.shape[1]
+    def _covariance(self, axis: int, signal: Array, trend: Array) -> Array:
+        count = signal.shape[2]
         own = slice(axis * count, (axis + 1) * count)
-        known = covariance @ self.inverse[own]
+        known = signal @ self.inverse[own]
         left = trend - known @ self.collocation.trend
-        learned = (known[:, own] * covariance).sum(axis=1)
-        by_trend = ((left @ self.cofactor) * left).sum(axis=1)
-        return self.components.signal_px**2 - learned + by_trend
+        learned = np.einsum("knm,lnm->nkl", known[:, :, own], signal)
+        by_trend = np.einsum("knu,lnu->nkl", left @ self.cofactor, left)
+        return self.components.signal_px**2 * np.eye(len(signal)) - learned + by_trend
 
     def held_out(self) -> Array:
         """(M, 2) prediction errors in px, with each target left out in turn, in all views together.

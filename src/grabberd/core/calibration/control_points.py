@@ -4,7 +4,6 @@ A list is read only where it can be read in one way: a number in the second cell
 numbers after it a position, or two coordinates and a σ. A header, which DBAT skips as a comment, decides.
 """
 
-import math
 import re
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
@@ -12,9 +11,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from grabberd.errors import InputError
-
-Array = NDArray[np.float64]
+from grabberd.core.arrays import Array
+from grabberd.errors import InputError, count_of
+from grabberd.tables import LARGEST_NUMBER
 
 _KIND = "check that the file is complete, and of the kind that is read"
 _LARGEST = (1 << 31) - 1
@@ -68,8 +67,10 @@ class Lines:
             raise self.refusal(f"expected {expected}, found {' '.join(words)[:60]!r}")
         values = [float(word) for word in words]
         for word, value in zip(words, values, strict=True):
-            if not math.isfinite(value):
-                raise self.refusal(f"{word} is not a finite number", "correct this line, or leave it out")
+            if not abs(value) <= LARGEST_NUMBER:
+                raise self.refusal(
+                    f"{word} is not a finite number, or too large", "correct this line, or leave it out"
+                )
         return values
 
     def whole(self, value: float, what: str) -> int:
@@ -111,6 +112,11 @@ class Lines:
             line = self.next()
             if line and not line.startswith("#"):
                 yield line
+
+    def with_header(self, header: str) -> str:
+        """The text with a header in place of its comments, in the same lines if it begins with one."""
+        lines = ["" if line.lstrip().startswith("#") else line for line in self._lines]
+        return "\n".join([header, *(lines[1:] if lines and not lines[0] else lines)])
 
     def comments(self) -> Iterator[str]:
         """Read the lines that begin with #, without it."""
@@ -320,7 +326,7 @@ def _point(lines: Lines, cells: Sequence[str], columns: Sequence[str], unit_mm: 
     given = cells[len(columns) :]
     if len(cells) < len(columns) or len(given) not in ((0,) if stated else _COUNTS):
         names = ", ".join(one.upper() if one in _PLACE else one for one in columns)
-        count = "1 cell" if len(cells) == 1 else f"{len(cells)} cells"
+        count = count_of(len(cells), "cell")
         raise lines.refusal(f"{count} between commas, where {names} are expected", _CELLS)
     numbers = lines.as_numbers([cells[columns.index(axis)] for axis in _PLACE], 3)
     if stated:

@@ -14,13 +14,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from grabberd.core.arrays import Array
 from grabberd.core.calibration.adjustment.network import Network
 from grabberd.core.calibration.control_points import ControlPoint, Lines
 from grabberd.core.geometry import View
 from grabberd.core.geometry.view import Polynomial, rotation_matrix
 from grabberd.errors import InputError
-
-Array = NDArray[np.float64]
 
 _CORNER_PX = 0.5
 

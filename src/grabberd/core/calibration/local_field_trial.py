@@ -8,14 +8,12 @@ likely than errors without any, and held-out targets are predicted better (docs/
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from grabberd.core.arrays import Array
 from grabberd.core.calibration.adjustment.adjustment import Adjustment, AdjustmentSettings, adjust, divided
 from grabberd.core.calibration.adjustment.network import Network
 from grabberd.core.calibration.collocation import Collocation, Components, Solution, evidence_of, most_likely
-from grabberd.core.geometry import LocalField, parameter_derivatives, rays
-
-Array = NDArray[np.float64]
+from grabberd.core.geometry import LocalField, LocalFields, parameter_derivatives, project, rays
 
 _ROUNDS = 3
 """Rounds of adjustment and collocation; the problem is nearly linear, and its curvature needs more than
@@ -25,6 +23,8 @@ _SETTLED = AdjustmentSettings(settled=1e-7)
 _NODES_A_LENGTH = 1.6
 """Spline nodes per correlation length: enough to follow the signal to a few per cent."""
 _DECIMALS = 5
+_MOST = 0.99
+"""Greatest correlation of the errors of both local fields."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -65,6 +65,29 @@ class LocalFieldTrial:
     gain: float
     evidence: float
 
+    @property
+    def both(self) -> LocalFields:
+        """Those of both cameras."""
+        left, right = self.fields[:2]
+        return LocalFields(left, right)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class AcceptedFields(LocalFieldTrial):
+    """Local fields that were accepted.
+
+    Attributes:
+        correlation: Of the errors left in both fields, in x and in y, where they show the same target.
+    """
+
+    correlation: tuple[float, float]
+
+    @property
+    def both(self) -> LocalFields:
+        """Those of both cameras."""
+        left, right = self.fields[:2]
+        return LocalFields(left, right, self.correlation)
+
 
 def try_local_fields(
     adjustment: Adjustment,
@@ -97,7 +120,8 @@ def try_local_fields(
         return LocalFieldTrial(False, nothing, adjustment, components, held_out_px, gain, evidence)
     refined, solution = _refined(adjustment, located, components)
     fields = tuple(_field(solution, refined, view, lines) for view in range(len(refined.views)))
-    return LocalFieldTrial(True, fields, refined, components, held_out_px, gain, evidence)
+    correlation = _correlation(solution, refined)
+    return AcceptedFields(True, fields, refined, components, held_out_px, gain, evidence, correlation)
 
 
 def _located(network: Network, unmodelled_px: float) -> Network:
@@ -158,9 +182,30 @@ def _sigma(solution: Solution, adjustment: Adjustment, view: int, xy_px: Array) 
     """(N, 2) σ not included in the adjustment's own covariance, at the targets' mean distance."""
     trend = _trend(adjustment, view, xy_px)
     own = ((trend @ adjustment.covariance) * trend).sum(axis=2)
-    left = np.maximum(solution.variance(view, xy_px, trend) - own, 0.0)
+    both = solution.covariance([view], xy_px[np.newaxis], trend[np.newaxis])[:, :, 0, 0]
+    left = np.maximum(both - own, 0.0)
     seen = np.isfinite(left)  # beyond the fold of the distortion no target can be
     return np.sqrt(np.where(seen, left, solution.components.signal_px**2)).T
+
+
+def _correlation(solution: Solution, adjustment: Adjustment) -> tuple[float, float]:
+    """Correlation of what `_sigma` states, in x and in y, between both cameras' images of one target.
+
+    Errors of the certificate move both images of a target alike. Taken for independent, they would make Z
+    less certain than it is, and X and Y more.
+    """
+    seen = np.unique(adjustment.network.target)
+    xyz_mm = adjustment.xyz_mm[seen]
+    pair = list(enumerate(adjustment.views[:2]))
+    trend = np.array([_slopes(adjustment, view, xyz_mm) for view, _ in pair])
+    xy_px = np.array([project(one, xyz_mm) for _, one in pair])
+    total = solution.covariance([view for view, _ in pair], xy_px, trend)
+    own = np.einsum("kcnu,lcnu->cnkl", trend @ adjustment.covariance, trend)
+    left = np.nansum(total - own, axis=1)
+    if len(pair) < 2 or not (left[:, [0, 1], [0, 1]] > 0).all():
+        return 0.0, 0.0
+    x, y = (left[:, 0, 1] / np.sqrt(left[:, 0, 0] * left[:, 1, 1])).clip(-_MOST, _MOST).round(_DECIMALS)
+    return float(x), float(y)
 
 
 def _trend(adjustment: Adjustment, view: int, xy_px: Array) -> Array:
@@ -168,7 +213,12 @@ def _trend(adjustment: Adjustment, view: int, xy_px: Array) -> Array:
     own = adjustment.views[view]
     away_mm = np.linalg.norm(adjustment.xyz_mm - own.center_mm, axis=1).mean()
     center, directions = rays(own, xy_px)
-    slopes = parameter_derivatives(own, center + away_mm * directions).swapaxes(0, 1)
+    return _slopes(adjustment, view, center + away_mm * directions)
+
+
+def _slopes(adjustment: Adjustment, view: int, xyz_mm: Array) -> Array:
+    """(2, N, U) slopes of the images of N points in a view by the unknowns."""
+    slopes = parameter_derivatives(adjustment.views[view], xyz_mm).swapaxes(0, 1)
     chosen = adjustment.unknowns.derivatives(adjustment.views)
     chosen = chosen.reshape(len(adjustment.views), -1, len(adjustment.unknowns))
     return slopes @ chosen[view]

@@ -10,15 +10,13 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 from scipy.special import chdtrc, stdtrit
 
+from grabberd.core.arrays import Array, Mask
 from grabberd.core.calibration.adjustment.adjustment import Adjustment, AdjustmentSettings, adjust
 from grabberd.core.calibration.adjustment.network import Network, Unknowns
 from grabberd.errors import MeasurementError
-
-Array = NDArray[np.float64]
 
 _MEDIAN = 0.6745
 """Median size of a normal error, in units of σ."""
@@ -107,7 +105,7 @@ def without_blunders(
     return adjusted, tuple(blunders)
 
 
-def _worst(adjusted: Adjustment, alpha: float) -> tuple[Blunder | None, NDArray[np.bool_]]:
+def _worst(adjusted: Adjustment, alpha: float) -> tuple[Blunder | None, Mask]:
     network = adjusted.network
     kept = np.ones(len(network), np.bool_)
     # A certificate better than stated makes σ0 small: good image points would look like blunders.
@@ -161,7 +159,9 @@ _MOST_STEPS = 40
 _ROUGHLY_PX = 0.1
 """Start value: with weights that differ by a factor of a hundred, convergence from afar is poor."""
 _CLEAR = 3.0
-"""Standard deviations of σ0² by which that of the image points alone is clearly above 1."""
+"""Standard deviations of σ0² by which it is clearly above 1, and not by chance."""
+_NEAR = 4.0
+"""Multiple of the points' own σ up to which the common error may be there by chance."""
 _NEGLIGIBLE = 0.05
 """Share of the points' own σ below which the common error counts as zero."""
 
@@ -172,7 +172,8 @@ def with_unmodelled(
     """Enlarge the σ of a network in quadrature so that σ0 becomes 1.
 
     Where image points then still contradict each other by more than their own σ, it is that of the image
-    points alone: a certificate that is better than it states would hide what is unmodelled.
+    points alone: a certificate that is better than it states would hide what is unmodelled. A σ0 that is
+    above 1 by chance enlarges nothing: at 1 bit it would stand for mirrors uneven by .01 to .03 px.
 
     Returns:
         The network, and the σ added in px: 0 if the points' own σ explain their residuals.
@@ -181,15 +182,19 @@ def with_unmodelled(
         MeasurementError: As `adjust`.
     """
     network, added, adjusted = _balanced(network, unknowns, settings, lambda one: one.sigma0, _ROUGHLY_PX)
-    if adjusted.sigma0_images > _clear(adjusted):
+    if 0.0 < added < _NEAR * np.sqrt(np.mean(network.sigma_px**2)):
+        own = adjust(network, unknowns, settings)
+        if own.sigma0 < _clear(own.freedom):
+            added, adjusted = 0.0, own
+    if adjusted.sigma0_images > _clear(adjusted.redundancy.sum()):
         start = max(added, float(np.sqrt(np.mean(network.sigma_px**2))))
         network, added, _ = _balanced(network, unknowns, settings, lambda one: one.sigma0_images, start)
     return enlarged(network, added), added
 
 
-def _clear(adjusted: Adjustment) -> float:
-    """σ0 of the image points alone beyond which it is not by chance above 1."""
-    return float(np.sqrt(1.0 + _CLEAR * np.sqrt(2.0 / max(adjusted.redundancy.sum(), 1.0))))
+def _clear(freedom: float) -> float:
+    """σ0 beyond which it is not by chance above 1."""
+    return float(np.sqrt(1.0 + _CLEAR * np.sqrt(2.0 / max(freedom, 1.0))))
 
 
 def _balanced(
@@ -308,7 +313,7 @@ def residual_patterns(adjustment: Adjustment) -> tuple[Pattern, ...]:
     )
 
 
-def _pattern(name: str, adjustment: Adjustment, own: NDArray[np.bool_]) -> Pattern:
+def _pattern(name: str, adjustment: Adjustment, own: Mask) -> Pattern:
     xy, residual = adjustment.network.xy_px[own], adjustment.residual_px[own]
     near = np.asarray(cKDTree(xy).query(xy, k=_NEIGHBOURS + 1)[1])[:, 1:]
     centred = residual - residual.mean(axis=0)

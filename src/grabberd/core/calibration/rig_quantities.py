@@ -5,12 +5,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from grabberd.core.arrays import Array
 from grabberd.core.geometry import NominalRig, View, rays
 from grabberd.core.geometry.document_reader import finite
-
-Array = NDArray[np.float64]
 
 NOMINAL_SHARE = 0.05
 """σ of a nominal dimension: each is good to ten per cent, two σ."""

@@ -4,9 +4,9 @@ from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
-from grabberd.core.chain.thresholds import field_threshold
+from grabberd.core.arrays import Array
+from grabberd.core.chain.light import field_threshold
 from grabberd.core.field import BIT_DEPTHS, Field, NumberedField, PackedField, double_lines, quantise, unpack
 from grabberd.core.measurement import ThresholdRule
 from grabberd.core.reconstruction.accuracy import (
@@ -14,19 +14,18 @@ from grabberd.core.reconstruction.accuracy import (
     Accuracy,
     Axes,
     Coordinates,
+    LengthErrors,
     PointingPrecision,
     RigidMotion,
     Truth,
     accuracy,
+    length_errors,
     pointing_precision,
     true_places,
 )
-from grabberd.core.reconstruction.length_errors import LengthErrors, length_errors
 from grabberd.core.reconstruction.points import Points, PointSeries
 from grabberd.core.reconstruction.smoothing import Smoothed, SmoothingSettings, smooth
 from grabberd.errors import InputError, MeasurementError
-
-Array = NDArray[np.float64]
 
 PAPER_LIMIT_MM = 0.2
 """Length-measuring error that the paper allows its system."""

@@ -12,11 +12,12 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from grabberd.core.arrays import Array, Indices
 from grabberd.core.field import PackedField
 from grabberd.core.geometry import View
 from grabberd.core.kernel import MORE_ROOM, NO_FULLNESS, NO_TABLE, UNSOUND, Kernel
 from grabberd.core.measurement import Blobs, LocationSettings
-from grabberd.core.measurement.compiled_location import (
+from grabberd.core.measurement.location import (
     COLUMNS,
     ROOM,
     Kept,
@@ -24,18 +25,14 @@ from grabberd.core.measurement.compiled_location import (
     fail,
     grey_settings,
     known_of,
+    settings_for,
     takes,
     takes_grey,
 )
-from grabberd.core.measurement.location import settings_for
 from grabberd.core.reconstruction import Points, Track, Tracker, ViewBlobs
 from grabberd.core.reconstruction.correspondence.agreement import Sighting
-from grabberd.core.reconstruction.correspondence.compiled_identification import Identifying, Predictors
-from grabberd.core.reconstruction.correspondence.compiled_search import World
+from grabberd.core.reconstruction.correspondence.compiled_search import Identifying, Predictors, World
 from grabberd.core.reconstruction.correspondence.displacement_field import DisplacementField, Expected
-
-Array = NDArray[np.float64]
-Indices = NDArray[np.intp]
 
 
 class Head(NamedTuple):
@@ -150,6 +147,11 @@ class Way:
             self._points, target, left, right, expected, None, head.surprise, self._index[3], predicted_px
         )
         return Track.of_numbers(self._target, self.track_numbers, sighting)
+
+    @property
+    def places_mm(self) -> Array:
+        """(M, 3) places of all targets after it, as the track has them."""
+        return self.track_numbers[: 3 * self._targets].reshape(self._targets, 3)
 
     @property
     def track_numbers(self) -> Array:

@@ -7,12 +7,11 @@ from dataclasses import dataclass, replace
 from enum import StrEnum
 
 import numpy as np
-from numpy.typing import NDArray
 
+from grabberd.core.arrays import Mask
 from grabberd.core.chain.discs import alike, background, diameters, disc_level, peak
-from grabberd.core.chain.field_order import OrderCheck
+from grabberd.core.chain.field_order import FieldOrderFinding, OrderCheck
 from grabberd.core.chain.layout import Layout, LayoutKind, Picture, Sample, recognise
-from grabberd.core.chain.picture_differences import FieldOrderFinding
 from grabberd.core.field import BOTTOM, PROGRESSIVE, TOP, VIDEO_LINES, Field, quantise, split_frame
 from grabberd.core.measurement import ANY_DISC, Blobs, measure
 from grabberd.core.reconstruction.field_order import Order
@@ -280,7 +279,7 @@ def _split(found: Sequence[Blobs], columns: int) -> Split:
     return Split(column, sure, left, 1 - left)
 
 
-def _gaps(empty: NDArray[np.bool_]) -> list[tuple[int, int]]:
+def _gaps(empty: Mask) -> list[tuple[int, int]]:
     """First and end of every run of empty columns."""
     edges = np.flatnonzero(np.diff(np.concatenate([[False], empty, [False]]).astype(np.int8)))
     return [(int(first), int(end)) for first, end in edges.reshape(-1, 2)]

@@ -10,12 +10,12 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from grabberd.core.arrays import Array, Mask
 from grabberd.core.chain.discs import DiscFinder, disc_level, pairs, spacing_px
 from grabberd.core.field import Field
 from grabberd.core.measurement import Blobs
 
 Picture = NDArray[np.uint8]
-Array = NDArray[np.float64]
 
 
 class LayoutKind(StrEnum):
@@ -113,7 +113,7 @@ def _of_lines(samples: Sequence[Sample]) -> Layout | None:
     return Layout(LayoutKind.DOUBLED, _PARITIES[1 - first.pop()]) if len(first) == 1 else None
 
 
-def _rows_lit(field: Field) -> NDArray[np.bool_]:
+def _rows_lit(field: Field) -> Mask:
     level = disc_level(field)
     return np.zeros(field.rows, bool) if level is None else np.asarray((field.luma > level).any(axis=1))
 

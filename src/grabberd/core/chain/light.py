@@ -1,15 +1,29 @@
-"""Illumination and sharpness of a grey field, view by view, for setting lamp and lens."""
+"""Illumination and sharpness of a grey field, view by view, for setting lamp and lens.
+
+The threshold for coming fields, from one field: for their bits and lines, and for its targets' size.
+"""
 
 import math
 from collections.abc import Mapping
+from contextlib import suppress
 from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
+from grabberd.core.arrays import Array
 from grabberd.core.chain.locating import whole
 from grabberd.core.field import Field, quantise
-from grabberd.core.measurement import Blobs, LocationSettings, measure
+from grabberd.core.measurement import (
+    Blobs,
+    LocationSettings,
+    ThresholdRule,
+    choose_threshold,
+    measure,
+    threshold_map,
+    with_seen_size,
+)
+from grabberd.errors import MeasurementError
 
 IDEAL = 2 / 3
 """Sum of the squared steps of an edge that only the pixels blur, the mean over its places in a pixel."""
@@ -24,9 +38,7 @@ MEDIAN_SQUARE = 0.455
 """Median of the square of a normal variable of variance 1."""
 
 
-def edge_sharpness(
-    field: Field, xy_px: NDArray[np.float64], diameter_px: float, white_level: int
-) -> float | None:
+def edge_sharpness(field: Field, xy_px: Array, diameter_px: float, white_level: int) -> float | None:
     """Sharpness of the edges of bright targets along the lines: 1 where they are as sharp as pixels can be.
 
     An edge rises from background to target by steps from pixel to pixel, which as shares of the whole rise
@@ -62,7 +74,7 @@ def edge_sharpness(
     return float(np.clip(np.median(shares) / IDEAL, 0.0, 1.0))
 
 
-def _lines(field: Field, xy_px: NDArray[np.float64], reach: int) -> NDArray[np.float64]:
+def _lines(field: Field, xy_px: Array, reach: int) -> Array:
     """(M, 2 reach + 1) grey values of the row through the middle of each target that is far enough inside."""
     columns = np.rint(xy_px[:, 0]).astype(np.intp)
     rows = np.rint((xy_px[:, 1] - field.y0) / field.y_step).astype(np.intp)
@@ -142,3 +154,57 @@ def _level(counts: NDArray[np.int64], share: float) -> int:
     """Quantile: the least grey value that at least this share of the pixels do not exceed."""
     total = counts.cumsum()
     return int(np.searchsorted(total, share * total[-1]))
+
+
+LARGEST_TARGET_PX = 16.0
+"""Larger targets get the threshold of this size: it matters little to them, and predicting it is slow."""
+
+
+def field_threshold(field: Field, rule: ThresholdRule, bits: int, *, doubled: bool) -> int:
+    """The threshold for fields like this one.
+
+    Args:
+        field: field of 8 bits with its original lines.
+        rule: rule of the threshold; the targets' size is taken from the field if it shows any.
+        bits: bits per pixel to which the fields will be quantised.
+        doubled: True if missing lines will be interpolated first.
+
+    Returns:
+        The threshold, 0 to 254.
+
+    Raises:
+        MeasurementError: the threshold is automatic and no targets are visible.
+    """
+    histogram = np.bincount(field.luma.ravel(), minlength=256)
+    return choose_threshold(histogram, _for_seen_size(rule, field), bits, _kept_lines(field, doubled))
+
+
+def field_threshold_map(field: Field, rule: ThresholdRule, *, doubled: bool) -> NDArray[np.uint8]:
+    """The threshold of every pixel of fields like this one, at 1 bit, where the light is uneven.
+
+    Args:
+        field: field of 8 bits with its original lines.
+        rule: rule of the threshold; the targets' size is taken from the field if it shows any.
+        doubled: True if missing lines will be interpolated first.
+
+    Returns:
+        (rows, columns) uint8 thresholds, for the doubled field if `doubled`.
+
+    Raises:
+        MeasurementError: the threshold is automatic and no targets are visible.
+    """
+    y_step, apart = _kept_lines(field, doubled)
+    found = threshold_map(field.luma, _for_seen_size(rule, field), 1, (y_step, apart))
+    return np.repeat(found, field.y_step // y_step, axis=0)
+
+
+def _kept_lines(field: Field, doubled: bool) -> tuple[int, int]:
+    """Frame lines from row to row at quantisation, and from one delivered line to the next."""
+    return 1 if doubled else field.y_step, field.lines_apart
+
+
+def _for_seen_size(rule: ThresholdRule, field: Field) -> ThresholdRule:
+    # A field without visible targets has no size to go by: the one in the rule stands.
+    with suppress(MeasurementError):
+        rule = with_seen_size(rule, field)
+    return replace(rule, target_px=min(rule.target_px, LARGEST_TARGET_PX))

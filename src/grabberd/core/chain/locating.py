@@ -10,8 +10,8 @@ from contextlib import contextmanager
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from grabberd.core.arrays import Array, Mask
 from grabberd.core.field import PackedField
 from grabberd.core.geometry import Calibration, LocalField, NominalRig, View
 from grabberd.core.measurement import Blobs, LocationSettings, measure
@@ -40,7 +40,7 @@ class Locating:
     def alike(self, packed: PackedField) -> int:
         """Number of fields like the next one, from it on, that have its settings whatever is seen in them."""
         own = settings_for(packed, self._estimating)
-        if not own.line_jitter_px or not own.solves_line_shifts(packed.bits):
+        if packed.bits == 1 or not own.line_jitter_px or own.line_shifts is False:
             return sys.maxsize
         return 1 if self._due else JITTER_EVERY - self._fields % JITTER_EVERY
 
@@ -85,7 +85,7 @@ def whole_blobs(blobs: Blobs, view: View, local_field: LocalField | None = None)
     return ViewBlobs(xy_px, blobs.sigma_px[own], blobs.common_px[own], blobs.common_reach_px)
 
 
-def whole(blobs: Blobs, first_column: int, end_column: int) -> NDArray[np.bool_]:
+def whole(blobs: Blobs, first_column: int, end_column: int) -> Mask:
     """(N,) True for blobs that lie wholly within the columns."""
     x, half = blobs.xy_px[:, 0], blobs.width_px / 2
     inside = (x - half >= first_column - 0.5) & (x + half <= end_column - 0.5)
@@ -185,7 +185,7 @@ class OtherSizes:
                 )
         return None
 
-    def _range(self, diameter_px: NDArray[np.float64]) -> str:
+    def _range(self, diameter_px: Array) -> str:
         least_px, most_px = np.percentile(diameter_px, _USUAL).tolist()
         return self._span(least_px, most_px)
 

@@ -3,7 +3,7 @@ points of the same fields, the images of targets that one view alone sees.
 """
 
 from collections import deque
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import groupby, islice
 from typing import NamedTuple
@@ -12,13 +12,16 @@ import numpy as np
 
 from grabberd.core.chain.engine import Engine
 from grabberd.core.chain.locating import HINT, Locating, OtherSizes, px_per_mm_of, sized, whole_views
+from grabberd.core.chain.mark_watch import MarkWatch, RigCorrection
 from grabberd.core.field import NumberedField, PackedField
 from grabberd.core.geometry import Calibration, Rig
 from grabberd.core.kernel import KERNEL
 from grabberd.core.measurement import Blobs, LocationSettings
+from grabberd.core.measurement.marks import Located
 from grabberd.core.reconstruction import (
     Correspondence,
     CoverageTally,
+    DiscCentres,
     ImageNoise,
     ObjectModel,
     Points,
@@ -31,6 +34,8 @@ from grabberd.core.reconstruction import (
 from grabberd.core.reconstruction.coverage_tally import TrackedField
 from grabberd.errors import CalibrationMismatch, MeasurementError
 
+MarksBefore = Callable[[int], Iterable[tuple[int, Located]]]
+"""Gives parity and located marks of the fields before one, in order."""
 FIELDS_A_GROUP = 500
 """Ten seconds of video."""
 FIELDS_AT_ONCE = 25
@@ -66,16 +71,24 @@ class MeasureSetup:
 
 
 class MeasuredField(NamedTuple):
-    """Blobs of both views of one field, and its points."""
+    """Blobs of both views of one field, and its points.
+
+    `correction` is what was taken off the images, the same object until it changes; None without marks.
+    """
 
     n: int
     time_ns: int
     blobs: Blobs
     points: Points
+    correction: RigCorrection | None = None
 
 
 def measure_fields(
-    fields: Iterable[NumberedField], setup: MeasureSetup, tally: CoverageTally | None = None, ahead: int = 1
+    fields: Iterable[NumberedField],
+    setup: MeasureSetup,
+    tally: CoverageTally | None = None,
+    ahead: int = 1,
+    before: MarksBefore = lambda _: (),
 ) -> Iterator[MeasuredField]:
     """Points of every field, in order; identities and velocities are carried from field to field.
 
@@ -85,21 +98,48 @@ def measure_fields(
         tally: Counts who was found in them.
         ahead: Number of fields that are taken together. By default each result is yielded before the next
             field is taken; with more the results are the same, in less time.
+        before: Asked for the marks of the fields before the first, once that has come: so a rig that was
+            knocked earlier is corrected from the first field on.
     """
     step: _Step | None = None
-    taken = iter(fields)
-    while some := list(islice(taken, ahead)):
+    watched = _watched(fields, setup.calibration, before)
+    while some := list(islice(watched, ahead)):
         for (lines, *_), alike in groupby(some, _kind):
+            group = list(alike)
             # Lines of other kinds have different σ of their image coordinates: the tracker starts again.
             if step is None or step.lines != lines:
                 step = _Step(setup, lines, tally)
-            yield from step.results(list(alike))
+            step.correct(group[0].numbered.n, group[0].correction)
+            yield from step.results([one.numbered for one in group])
 
 
-def _kind(numbered: NumberedField) -> tuple[tuple[int, int], int, int, tuple[int, ...]]:
+class _Watched(NamedTuple):
+    """A field, and the correction that is in force for it."""
+
+    numbered: NumberedField
+    correction: RigCorrection | None
+
+
+def _watched(
+    fields: Iterable[NumberedField], calibration: Calibration, before: MarksBefore
+) -> Iterator[_Watched]:
+    watch = MarkWatch.of(calibration)
+    if watch is None:
+        yield from (_Watched(numbered, None) for numbered in fields)
+        return
+    remembered = False
+    for numbered in fields:
+        if not remembered:
+            remembered = True
+            for parity, marks in before(numbered.n):
+                watch.see(parity, marks)
+        yield _Watched(numbered, watch.see(numbered.packed.parity, numbered.packed.marks))
+
+
+def _kind(watched: _Watched) -> tuple[tuple[int, int], int, int, tuple[int, ...], int]:
     """Kind of a field, lines first: those of one kind are measured together."""
-    packed = numbered.packed
-    return packed.lines, packed.bits, packed.columns, packed.data.shape
+    packed = watched.numbered.packed
+    return packed.lines, packed.bits, packed.columns, packed.data.shape, id(watched.correction)
 
 
 def measured_groups(
@@ -156,16 +196,36 @@ class _Step:
 
     def __init__(self, setup: MeasureSetup, lines: tuple[int, int], tally: CoverageTally | None) -> None:
         self.lines = lines
+        self._setup = setup
         self._tally = tally
-        known, rig = setup.calibration, Rig.of(setup.calibration)
-        self._calibration = known
         self._locating = Locating(setup.sized, setup.line_jitter_px)
-        noise = ImageNoise.of(rig, setup.object_model, setup.line_jitter_px, *lines)
-        self._tracker = Tracker(rig, setup.object_model, noise, setup.tracking)
+        self._correction: RigCorrection | None = None
+        self._use(setup.calibration)
         # From the object model alone, never from an earlier track: points are a function of the fields given.
         self._track: Track = self._tracker.start()
-        self._engine = Engine.of(KERNEL, self._tracker, known.views)
         self._last_ns: int | None = None
+
+    def correct(self, n: int, correction: RigCorrection | None) -> None:
+        """Use a corrected calibration from field `n` on; what is tracked stays where it is."""
+        if correction is None or correction is self._correction:
+            return
+        before, self._correction = self._correction, correction
+        if self._tally is not None:
+            self._tally.correct(n, correction.document)
+        if not (correction.corrects or (before and before.corrects)):
+            return
+        track = self._engine.track if self._engine else None
+        self._use(correction.applied_to(self._setup.calibration))
+        if self._engine and track is not None:
+            self._engine.track = track
+
+    def _use(self, calibration: Calibration) -> None:
+        setup, rig = self._setup, Rig.of(calibration)
+        self._calibration = calibration
+        noise = ImageNoise.of(rig, setup.object_model, setup.line_jitter_px, *self.lines)
+        self._tracker = Tracker(rig, setup.object_model, noise, setup.tracking)
+        self._centres = DiscCentres(rig, setup.object_model) if calibration.disc_centres else None
+        self._engine = Engine.of(KERNEL, self._tracker, calibration.views)
 
     def results(self, fields: Sequence[NumberedField]) -> Iterator[MeasuredField]:
         """Results of the next fields, in order, all of one kind."""
@@ -185,7 +245,10 @@ class _Step:
             self._locating.note(blobs)
             if self._tally is not None:
                 self._tally.add(numbered.n, way, self._tracker.correspondence)
-            yield MeasuredField(numbered.n, numbered.time_ns, blobs, way.points)
+            points = way.points
+            if self._centres is not None:
+                points = self._centres.corrected(points, way.places_mm)
+            yield MeasuredField(numbered.n, numbered.time_ns, blobs, points, self._correction)
 
     def _by_numpy(self, numbered: NumberedField) -> MeasuredField:
         """Measure what the engine does not cover, each step by whatever there is for it."""
@@ -198,7 +261,9 @@ class _Step:
         if self._tally is not None:
             field = TrackedField(self._track, points, (left, right))
             self._tally.add(numbered.n, field, self._tracker.correspondence)
-        return MeasuredField(numbered.n, numbered.time_ns, blobs, points)
+        if self._centres is not None:
+            points = self._centres.corrected(points, self._track.xyz_mm)
+        return MeasuredField(numbered.n, numbered.time_ns, blobs, points, self._correction)
 
     def _passed_s(self, time_ns: int) -> float:
         """Time since the previous field; infinite for the first or a backward time, to restart tracking."""
@@ -207,7 +272,10 @@ class _Step:
 
 
 def single_view_images(
-    fields: Iterable[NumberedField], points: Mapping[int, Points], setup: MeasureSetup
+    fields: Iterable[NumberedField],
+    points: Mapping[int, Points],
+    setup: MeasureSetup,
+    before: MarksBefore = lambda _: (),
 ) -> Iterator[tuple[int, SingleViewImages]]:
     """Images of the targets of each field that have no point, because one view alone sees them.
 
@@ -217,25 +285,26 @@ def single_view_images(
         fields: of a capture, in order.
         points: measured in them, by the field's number; other fields are left out.
         setup: of the measurement that made the points.
+        before: as for `measure_fields`.
     """
     searching: _Searching | None = None
-    for numbered in fields:
+    for numbered, correction in _watched(fields, setup.calibration, before):
         if numbered.n not in points:
             continue
         # Lines of other kinds have different σ of their image coordinates.
-        if searching is None or searching.lines != numbered.packed.lines:
-            searching = _Searching(setup, numbered.packed.lines)
+        if searching is None or searching.made_for != (numbered.packed.lines, correction):
+            searching = _Searching(setup, numbered.packed.lines, correction)
         yield numbered.n, searching.images(numbered, points[numbered.n])
 
 
 class _Searching:
-    """Location and search for fields with the same lines."""
+    """Location and search for fields with the same lines and correction."""
 
-    def __init__(self, setup: MeasureSetup, lines: tuple[int, int]) -> None:
-        self.lines = lines
+    def __init__(self, setup: MeasureSetup, lines: tuple[int, int], correction: RigCorrection | None) -> None:
+        self.made_for = lines, correction
         self._locating = Locating(setup.sized, setup.line_jitter_px)
-        self._calibration = setup.calibration
-        rig, model = Rig.of(setup.calibration), setup.object_model
+        self._calibration = correction.applied_to(setup.calibration) if correction else setup.calibration
+        rig, model = Rig.of(self._calibration), setup.object_model
         noise = ImageNoise.of(rig, model, setup.line_jitter_px, *lines)
         self._search = SingleViewSearch(Correspondence(rig, model, noise, setup.tracking.correspondence))
 

@@ -12,14 +12,12 @@ from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from grabberd.core.arrays import Array, Indices, Mask
 from grabberd.core.chain.measure import MeasuredField, MeasureSetup, measure_fields
 from grabberd.core.field import NumberedField
 from grabberd.core.reconstruction import ObjectModel, Smoothness
 from grabberd.core.reconstruction.correspondence.displacement_field import DisplacementField
-
-Array = NDArray[np.float64]
 
 SEARCHED_SHARE = 0.1
 """σ of all nominal places while they are looked for, as a share of the pitch."""
@@ -58,7 +56,7 @@ class NominalPlaces:
     model: ObjectModel
     offset_mm: Array
     sigma_mm: Array
-    seen: NDArray[np.intp]
+    seen: Indices
     fields: int
 
     @property
@@ -67,7 +65,7 @@ class NominalPlaces:
         return np.nan_to_num(np.linalg.norm(self.offset_mm, axis=1) / self.sigma_mm)
 
     @property
-    def misplaced(self) -> NDArray[np.bool_]:
+    def misplaced(self) -> Mask:
         """(M,) True for targets whose nominal place is wrong: significantly, and by enough to matter."""
         length_mm = np.nan_to_num(np.linalg.norm(self.offset_mm, axis=1))
         return (self.significance > SIGNIFICANT) & (length_mm >= LEAST_MM)
@@ -153,7 +151,7 @@ def _smoothness(displacement_mm: Array) -> Smoothness:
     return Smoothness(min(max(typical_mm, LEAST_DEFORMATION_MM), Smoothness().sigma_mm), noise_mm=NOISE_MM)
 
 
-def _left(field: DisplacementField, displacement_mm: Array, seen: NDArray[np.bool_]) -> tuple[Array, Array]:
+def _left(field: DisplacementField, displacement_mm: Array, seen: Mask) -> tuple[Array, Array]:
     """(F, M, 3) displacements without what the neighbours predict, and (M,) the mean σ of that."""
     left, sigma = np.full_like(displacement_mm, np.nan), np.zeros(displacement_mm.shape[1])
     for row, own, mask in zip(left, displacement_mm, seen, strict=True):
@@ -163,13 +161,13 @@ def _left(field: DisplacementField, displacement_mm: Array, seen: NDArray[np.boo
     return left, sigma
 
 
-def _mean(left: Array, seen: NDArray[np.bool_]) -> Array:
+def _mean(left: Array, seen: Mask) -> Array:
     """(M, 3) mean over the fields in which a target was seen; 0 if in none."""
     total = np.where(seen[:, :, np.newaxis], left, 0.0).sum(axis=0)
     return total / np.maximum(seen.sum(axis=0), 1)[:, np.newaxis]
 
 
-def _scatter(left: Array, seen: NDArray[np.bool_]) -> Array:
+def _scatter(left: Array, seen: Mask) -> Array:
     """(M,) standard deviation of the mean, in the worst coordinate, from blocks of time."""
     if len(left) < _BLOCKS:
         return np.zeros(left.shape[1])

@@ -6,16 +6,15 @@ from dataclasses import dataclass, replace
 from typing import Literal, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
-from grabberd.core.calibration import Network, Unknowns, adjust
+from grabberd.core.arrays import Array, Mask
+from grabberd.core.calibration.adjustment.adjustment import adjust
+from grabberd.core.calibration.adjustment.network import Network, Unknowns
 from grabberd.core.geometry import Calibration, NominalRig, Rig, View, linearise, project_all
 from grabberd.core.measurement.noise import binary_sigma_px
 from grabberd.core.reconstruction import ImageNoise, ObjectModel, ViewBlobs, intersect
 from grabberd.core.reconstruction.accuracy import Axes
 from grabberd.errors import InputError
-
-Array = NDArray[np.float64]
 
 Lines = Literal["doubled", "field", "progressive"]
 """Lines of a picture: a field's own and those interpolated between them, a field's own alone, or all of a
@@ -270,12 +269,12 @@ def _px_per_mm(rig: Rig, xyz_mm: Array) -> Array:
     return np.sqrt((slopes * slopes).sum(axis=2)).mean(axis=1).T
 
 
-def _seen(rig: Rig, xyz_mm: Array) -> NDArray[np.bool_]:
+def _seen(rig: Rig, xyz_mm: Array) -> Mask:
     image = project_all(rig, xyz_mm)
     return np.all([view.holds(image[:, i].T) for i, view in enumerate(rig.views)], axis=0)
 
 
-def _holds(view: View, xy_px: Array, lines: int) -> NDArray[np.bool_]:
+def _holds(view: View, xy_px: Array, lines: int) -> Mask:
     return view.holds(xy_px.T) & (xy_px[1] >= 0) & (xy_px[1] < lines)
 
 

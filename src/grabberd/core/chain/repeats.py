@@ -14,6 +14,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from grabberd.core.arrays import Array
 from grabberd.core.field import Field, quantise
 from grabberd.core.measurement import ANY_DISC, measure
 
@@ -106,7 +107,7 @@ def moved(before: Field, after: Field) -> bool:
     return bool(np.sqrt((steps[nearest_to_each].mean(axis=1) ** 2).sum(axis=1).mean()) > _AT_REST_PX)
 
 
-def _places(field: Field) -> NDArray[np.float64]:
+def _places(field: Field) -> Array:
     """(N, 2) frame pixels of whatever is bright."""
     level = _level(field.luma)
     return measure(quantise(field, 8, level), None, ANY_DISC).xy_px if level >= 0 else np.empty((0, 2))

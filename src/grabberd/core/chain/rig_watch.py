@@ -6,16 +6,11 @@ from dataclasses import replace
 import numpy as np
 
 from grabberd.core.chain.locating import whole_views
+from grabberd.core.chain.mark_watch import RigCorrection
 from grabberd.core.chain.measure import MeasuredField, MeasureSetup
 from grabberd.core.geometry import Rig
 from grabberd.core.reconstruction import Correspondence, ImageNoise, Points
-from grabberd.core.reconstruction.drift_check import (
-    LEAST_TARGETS,
-    WINDOW,
-    DriftCheck,
-    RigFit,
-    RigVerdict,
-)
+from grabberd.core.reconstruction.drift_check import LEAST_TARGETS, WINDOW, DriftCheck, RigFit, RigVerdict
 
 EVERY_NS = 200_000_000
 """Time from one comparison to the next."""
@@ -47,12 +42,18 @@ class RigWatch:
         self._movement = DriftCheck(rig, model)
         self._blobs: deque[int] = deque(maxlen=WINDOW)
         self._compared = 0
+        self._correction: RigCorrection | None = None
         self._since_ns: int | None = None
 
     def see(self, measured: MeasuredField) -> RigFit | None:
-        """Takes a measured field; returns the fit over the last seconds once a second, else None."""
+        """Takes a measured field; returns the fit over the last seconds once a second, else None.
+
+        A correction that changes is reported at once.
+        """
+        before, self._correction = self._correction, measured.correction
         if not self._is_due(measured.time_ns):
-            return None
+            changed = before is not None and before is not self._correction
+            return self.fit() if changed and self._compared >= COMPARISONS_A_FIT else None
         self._movement.add(self._points(measured))
         self._compared += 1
         return self.fit() if self._compared % COMPARISONS_A_FIT == 0 else None
@@ -74,8 +75,8 @@ class RigWatch:
         seen = sorted(self._blobs)[len(self._blobs) // 2] if self._blobs else 0
         # The median of the window: a few fields with nothing in view, or with too much, do not decide.
         if fit.verdict is RigVerdict.UNKNOWN and seen >= MANY:
-            return replace(fit, verdict=RigVerdict.UNMATCHED)
-        return fit
+            fit = replace(fit, verdict=RigVerdict.UNMATCHED)
+        return fit.with_marks(None if self._correction is None else self._correction.views)
 
     def _points(self, measured: MeasuredField) -> Points:
         x_px, seam = measured.blobs.xy_px[:, 0], self._calibration.views[1].first_column

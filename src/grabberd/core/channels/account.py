@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from grabberd.core.channels.logger import Anomaly
+from grabberd.errors import count_of
 
 GAP_STEPS = 3.0
 """Steps between two readings from which on readings are missing; arrival may vary by less."""
@@ -135,7 +136,7 @@ def _gaps_in_words(account: ChannelAccount) -> str:
     reasons = ", ".join(dict.fromkeys(gap.reason for gap in account.gaps)) or account.silence
     if not account.readings:
         return f"{account.name}: no readings at all ({reasons})"
-    gaps = "1 gap" if account.gap_count == 1 else f"{account.gap_count} gaps"
+    gaps = count_of(account.gap_count, "gap")
     return f"{account.name}: {gaps}, {account.gap_ns / 1e9:.2f} s ({reasons})"
 
 

@@ -18,10 +18,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from grabberd.core.arrays import Array
 from grabberd.core.channels.logger import Anomaly
 from grabberd.errors import StreamFailed
-
-Array = NDArray[np.float64]
 
 USUAL_DRIFT = 1e-4
 """Drift that crystals reach. Ceramic resonators drift fifty times as much: unlikely, not impossible."""

@@ -14,6 +14,8 @@ from typing import NamedTuple, Protocol, Self
 import numpy as np
 from numpy.typing import NDArray
 
+from grabberd.core.arrays import Array
+
 
 class Quantity(StrEnum):
     """Quantity that a channel measures: vacuum in kPa below atmosphere, or the light that relates clocks."""
@@ -104,7 +106,7 @@ class Readings(NamedTuple):
     """
 
     time_ns: NDArray[np.int64]
-    values: NDArray[np.float64]
+    values: Array
     anomalies: tuple[Anomaly, ...] = ()
     time_sigma_ns: int = 0
 

@@ -10,6 +10,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from grabberd.core.arrays import Array
 from grabberd.core.channels.logger import Anomaly, LoggerInfo, Quantity, Readings
 from grabberd.errors import InputError
 
@@ -123,7 +124,7 @@ class Channel:
         """The unit that the logger itself states."""
         return info.units[info.channels.index(self.column)]
 
-    def kpa(self, values: NDArray[np.float64], unit: str) -> NDArray[np.float64]:
+    def kpa(self, values: Array, unit: str) -> Array:
         """Vacuum in kPa below atmosphere; of a light, the numbers themselves."""
         if not self.quantity.is_vacuum:
             return values
@@ -145,7 +146,7 @@ class Vacuum(NamedTuple):
     """
 
     time_ns: NDArray[np.int64]
-    kpa: NDArray[np.float64]
+    kpa: Array
     time_sigma_ns: int
     anomalies: tuple[Anomaly, ...]
 
@@ -191,7 +192,7 @@ class VacuumChannels:
         return Vacuum(time_ns, kpa, readings.time_sigma_ns, tuple(anomalies))
 
 
-def _without_impossible(name: str, kpa: NDArray[np.float64], time_ns: NDArray[np.int64]) -> list[Anomaly]:
+def _without_impossible(name: str, kpa: Array, time_ns: NDArray[np.int64]) -> list[Anomaly]:
     """Turns impossible readings of a channel into NaN."""
     with np.errstate(invalid="ignore"):
         wrong = (kpa < -LEAST_KPA) | (kpa > MOST_KPA)

@@ -10,6 +10,7 @@ adjustments.
 from grabberd.core.geometry.calibration import Calibration
 from grabberd.core.geometry.document_reader import Reading
 from grabberd.core.geometry.functional_model import (
+    Discs,
     approach,
     correct_all,
     directions_all,
@@ -24,7 +25,7 @@ from grabberd.core.geometry.functional_model import (
     rays,
 )
 from grabberd.core.geometry.glass import Plate, project_through, seen_through
-from grabberd.core.geometry.local_field import LocalField
+from grabberd.core.geometry.local_field import ImageMovement, LocalField, LocalFields
 from grabberd.core.geometry.rig import NominalRig, Rig
 from grabberd.core.geometry.view import (
     PARAMETERS,
@@ -38,7 +39,10 @@ from grabberd.core.geometry.view import (
 __all__ = [
     "PARAMETERS",
     "Calibration",
+    "Discs",
+    "ImageMovement",
     "LocalField",
+    "LocalFields",
     "NominalRig",
     "Plate",
     "Reading",

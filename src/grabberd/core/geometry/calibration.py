@@ -6,8 +6,8 @@ from datetime import datetime
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from grabberd.core.arrays import Array
 from grabberd.core.geometry.document_reader import Reading, is_number
 from grabberd.core.geometry.local_field import LocalField
 from grabberd.core.geometry.view import PARAMETERS, Polynomial, View
@@ -17,6 +17,8 @@ SCHEMA = "grabberd/calibration/1"
 LARGEST_SIDE_PX = 4096
 """Lines or columns of a picture, as those that fields may have; neither room knows the other."""
 
+_IMAGES, _CENTRES, _CORRELATION = "image_model", "disc_centres", "local_correlation"
+"""Among the details, where documents of earlier versions have nothing, and these versions read nothing."""
 _KEYS = (
     "schema",
     "id",
@@ -56,7 +58,8 @@ class Calibration:
         sigma0_px: Standard deviation of unit weight, or None if nothing was adjusted.
         glass: thickness_mm and refractive_index of the plate that was in place, or None.
         local_fields: Displacement fields of the left and right view beyond the model; None if not known.
-        details: Rest of the document (certificate, temperature, protocol …), carried along unread.
+        details: Rest of the document (certificate, temperature, protocol …), carried along unread but for
+            what the images are taken for (`disc_centres`, `local_correlation`).
     """
 
     id: str
@@ -66,7 +69,7 @@ class Calibration:
     lines: int
     left: View
     right: View
-    covariance: NDArray[np.float64]
+    covariance: Array
     sigma0_px: float | None = None
     glass: Mapping[str, float] | None = None
     local_fields: tuple[LocalField | None, LocalField | None] = (None, None)
@@ -76,6 +79,21 @@ class Calibration:
     def views(self) -> tuple[View, View]:
         """The left and the right view."""
         return self.left, self.right
+
+    @property
+    def disc_centres(self) -> bool:
+        """True if it was made of the centres of discs, not of the middles of their pictures.
+
+        Points measured with it then have to be moved to the centres; with one made of the middles they must
+        not, because it has taken up most of the difference.
+        """
+        return bool((self.details.get(_IMAGES) or {}).get(_CENTRES, False))
+
+    @property
+    def local_correlation(self) -> tuple[float, float]:
+        """Correlation of the errors of both local fields in x and in y, at images of one point."""
+        x, y = (self.details.get(_IMAGES) or {}).get(_CORRELATION, (0.0, 0.0))
+        return x, y
 
     @classmethod
     def from_document(cls, document: Mapping[str, Any]) -> "Calibration":
@@ -103,7 +121,7 @@ class Calibration:
             else None,
             glass=_glass(reading, document),
             local_fields=(_local_field(reading, views, "left"), _local_field(reading, views, "right")),
-            details=reading.mapping(document, "details") if document.get("details") is not None else {},
+            details=_details(reading, document),
         )
         _check_halves(reading, calibration)
         reading.finish(_HINT)
@@ -210,15 +228,41 @@ def _local_field(reading: Reading, views: Mapping[str, Any], name: str) -> Local
     return LocalField.from_document(reading, where + "local_field.", values) if values else None
 
 
-def _covariance(reading: Reading, value: object) -> NDArray[np.float64]:
+def image_model(correlation: tuple[float, float]) -> dict[str, Any]:
+    """Make the details of a calibration made of the centres of discs, with its local fields' correlation."""
+    return {_IMAGES: {_CENTRES: True, _CORRELATION: list(correlation)}}
+
+
+def _details(reading: Reading, document: Mapping[str, Any]) -> Mapping[str, Any]:
+    details = reading.mapping(document, "details") if document.get("details") is not None else {}
+    if details.get(_IMAGES) is None:
+        return details
+    where = f"details.{_IMAGES}."
+    model = reading.mapping(details, _IMAGES, "details.")
+    reading.keys(where, model, (_CENTRES, _CORRELATION))
+    centres = model.get(_CENTRES, False)
+    if not isinstance(centres, bool):
+        reading.refuse(where + _CENTRES, centres, "true or false")
+    x, y = reading.numbers(model.get(_CORRELATION, [0.0, 0.0]), where + _CORRELATION, (2,)).tolist()
+    if max(abs(x), abs(y)) >= 1.0:
+        reading.problems.append(f"{where}{_CORRELATION}: a correlation is not between -1 and 1")
+    return details
+
+
+def _covariance(reading: Reading, value: object) -> Array:
     if value is None:
         return np.zeros((_SIZE, _SIZE))
     covariance = reading.numbers(value, "covariance", (_SIZE, _SIZE))
     # Judged as correlations, because the parameters' units span twenty decades.
     sigma = np.sqrt(np.maximum(np.diag(covariance), 0.0))
     scale = np.where(sigma > 0, sigma, 1.0)
-    correlation = covariance / np.outer(scale, scale)
-    if np.abs(correlation - correlation.T).max() > _ROUNDING:
+    with np.errstate(over="ignore"):
+        correlation = covariance / scale[:, np.newaxis] / scale
+    if not np.isfinite(correlation).all():
+        reading.problems.append(
+            "covariance: has an entry far beyond its variances, so it is not a covariance"
+        )
+    elif np.abs(correlation - correlation.T).max() > _ROUNDING:
         reading.problems.append("covariance: is not symmetric")
     elif np.linalg.eigvalsh(correlation)[0] < -_ROUNDING:
         reading.problems.append("covariance: has a negative eigenvalue, so it is not a covariance")

@@ -6,9 +6,10 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Any, TypeGuard, TypeVar, cast
 
 import numpy as np
-from numpy.typing import NDArray
 
+from grabberd.core.arrays import Array
 from grabberd.errors import InputError
+from grabberd.tables import LARGEST_NUMBER
 
 _SHOWN = 100
 _MOST_TOLD = 20
@@ -89,7 +90,7 @@ class Reading:
             self._read(holder, key, where, expected, lambda value: is_number(value) and value > lowest, 1.0)
         )
 
-    def numbers(self, value: object, key: str, shape: tuple[int, ...]) -> NDArray[np.float64]:
+    def numbers(self, value: object, key: str, shape: tuple[int, ...]) -> Array:
         """Read an array of finite numbers of the given shape."""
         expected = f"{' x '.join(map(str, shape))} finite numbers"
         if has_shape(value, shape):
@@ -153,8 +154,8 @@ def is_integer(value: object) -> TypeGuard[int]:
 
 
 def is_number(value: object) -> TypeGuard[float]:
-    """True for a finite number (and not a boolean)."""
-    return isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value)
+    """True for a finite number that can be reckoned with (and not a boolean)."""
+    return isinstance(value, int | float) and not isinstance(value, bool) and abs(value) <= LARGEST_NUMBER
 
 
 def finite(value: float) -> float | None:

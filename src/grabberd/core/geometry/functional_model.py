@@ -8,18 +8,29 @@ w < 0; a point in or behind the plane of the projection centre gives NaN.
 Where a view's polynomial is a correction, (dx, dy) is added to the observed point and gives the ideal one, so
 that the image is iterated. The inverse leads from frame pixels back to the ideal point and its ray; rays of
 two views approach one another.
+
+Discs: a view does not see a disc's centre in the middle of the disc's picture, but a point beside it.
+
+The picture of a circle is an ellipse, whose centre is the picture of the pole of the view's vanishing line:
+with the disc's normal n, its radius r, its depth d before the camera and the camera's axis z (toward the
+camera), all in the object's frame, that point lies in the disc, on its nearer side, at
+
+    r²/d · (z − (z·n) n)  from the centre.
+
+This is exact for a pinhole. Across a disc a lens bends by less than half a thousandth of a pixel, which is
+left out (docs/decisions/calibration.md).
 """
 
+from dataclasses import dataclass
 from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from grabberd.core.arrays import Array, Indices, Mask
 from grabberd.core.geometry.rig import Rig
 from grabberd.core.geometry.view import PARAMETERS, View, basis, monomials
 
-Array = NDArray[np.float64]
 TOLERANCE_MM = 1e-10
 """Length of the last step below which an ideal point counts as found."""
 _MOST_STEPS = 30
@@ -255,7 +266,7 @@ def _solved(rig: Rig, xy_px: Array) -> Array:
     return point
 
 
-def _unfolded(rig: Rig, area: Array) -> NDArray[np.bool_]:
+def _unfolded(rig: Rig, area: Array) -> Mask:
     """(V, N) True where the polynomials' determinant has the sign that it has in the middle."""
     # Pixels count down where y points up: not folded, the determinant has the sign of both pitches together.
     return area * np.sign(rig.pixel_mm[0] * rig.pixel_mm[1]) > 0.0
@@ -321,3 +332,46 @@ def approach(left_center: Array, left: Array, right_center: Array, right: Array)
 
 def _dot(first: Array, second: Array) -> Array:
     return (first * second).sum(axis=-1)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Discs:
+    """N discs of one size.
+
+    Attributes:
+        normal: (N, 3) unit vectors, in the object's frame, of either sign.
+        diameter_mm: Their diameter.
+    """
+
+    normal: Array
+    diameter_mm: float
+
+    @classmethod
+    def parallel(cls, count: int, diameter_mm: float, normal: tuple[float, float, float]) -> "Discs":
+        """Make discs that all lie the same way, such as those of a calibration frame."""
+        unit = np.array(normal) / np.linalg.norm(normal)
+        return cls(np.broadcast_to(unit, (count, 3)), diameter_mm)
+
+    def select(self, chosen: Indices) -> "Discs":
+        """Select some of them."""
+        return Discs(self.normal[chosen], self.diameter_mm)
+
+    def shifts_mm(self, rig: Rig, xyz_mm: Array) -> Array:
+        """(V, 3, N) from centres (N, 3) to the points that each view shows in the middle of the pictures."""
+        axis = rig.rotation[:, 2, :, np.newaxis]
+        depth = -(axis * (xyz_mm.T - rig.center_mm)).sum(axis=1, keepdims=True)
+        normal = self.normal.T
+        along = axis - (axis * normal).sum(axis=1, keepdims=True) * normal
+        shift: Array = (0.25 * self.diameter_mm**2 / depth) * along
+        return shift
+
+    def offsets_px(self, rig: Rig, xyz_mm: Array, slopes: Array) -> Array:
+        """(2, V, N) of the middles of pictures from the pictures of the centres, in frame pixels.
+
+        Args:
+            rig: The views.
+            xyz_mm: (N, 3) centres.
+            slopes: (2, V, 3, N) derivatives of the frame pixels by X, Y, Z there.
+        """
+        offset: Array = (slopes * self.shifts_mm(rig, xyz_mm)).sum(axis=2)
+        return offset

@@ -13,13 +13,11 @@ inserted where calibrating again is impossible.
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from grabberd.core.arrays import Array
 from grabberd.core.geometry.functional_model import project
 from grabberd.core.geometry.view import View
 from grabberd.errors import InputError
-
-Array = NDArray[np.float64]
 
 _SETTLED_MM = 1e-10
 _MOST_STEPS = 60

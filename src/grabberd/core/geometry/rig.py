@@ -7,10 +7,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from grabberd.core.arrays import Array, Mask
 from grabberd.core.geometry.calibration import Calibration
-from grabberd.core.geometry.local_field import LocalField
+from grabberd.core.geometry.local_field import LocalFields
 from grabberd.core.geometry.view import (
     PARAMETERS,
     View,
@@ -20,8 +20,6 @@ from grabberd.core.geometry.view import (
     rotation_matrix,
 )
 from grabberd.errors import InputError
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -53,9 +51,9 @@ class Rig:
     origin_px: Array
     pixel_mm: Array
     image: Array
-    corrects: NDArray[np.bool_]
+    corrects: Mask
     factor: Array | None = None
-    local_fields: tuple[LocalField | None, ...] = ()
+    local_fields: LocalFields | tuple[()] = ()
 
     @classmethod
     def of_views(cls, views: Sequence[View], factor: Array | None = None) -> "Rig":
@@ -82,17 +80,44 @@ class Rig:
     def of(cls, calibration: Calibration) -> "Rig":
         """Make a rig of a calibration's views, left then right, with its covariance."""
         rig = cls.of_views(calibration.views, _factor(calibration.covariance))
-        return replace(rig, local_fields=calibration.local_fields) if any(calibration.local_fields) else rig
+        if not any(calibration.local_fields):
+            return rig
+        fields = LocalFields(*calibration.local_fields, calibration.local_correlation)
+        return replace(rig, local_fields=fields)
 
     def local_sigma_px(self, observed_px: Array) -> Array | None:
         """(2, V, N) σ of the local fields at observed positions (2, V, N); None if no view has one."""
         if not self.local_fields:
             return None
         sigma = np.zeros(observed_px.shape)
-        for index, local_field in enumerate(self.local_fields):
+        for index, local_field in enumerate(self.local_fields[:2]):
             if local_field is not None:
                 sigma[:, index] = local_field.sigma_at(observed_px[:, index].T).T
         return sigma
+
+    def local_errors_px(self, observed_px: Array) -> Array | None:
+        """Compute what the errors of both local fields do to images (2, 2, N) of the same points.
+
+        Returns:
+            (2, 2, 4, N) shifts of the image coordinates by four independent errors of 1 σ each; None if no
+            view has a local field.
+        """
+        sigma = self.local_sigma_px(observed_px)
+        if sigma is None:
+            return None
+        errors = np.zeros((2, 2, 4, observed_px.shape[2]))
+        for axis, (left, right) in enumerate(sigma):
+            # By Cholesky: the left one's error, of which the right one has a share beside its own.
+            correlation = self.local_correlation[axis]
+            errors[axis, 0, 2 * axis] = left
+            errors[axis, 1, 2 * axis] = correlation * right
+            errors[axis, 1, 2 * axis + 1] = math.sqrt(1.0 - correlation * correlation) * right
+        return errors
+
+    @property
+    def local_correlation(self) -> tuple[float, float]:
+        """Correlation of the local fields' errors in x and in y, at images of one point."""
+        return self.local_fields.correlation if self.local_fields else (0.0, 0.0)
 
 
 def _image(view: View) -> Array:
@@ -171,6 +196,11 @@ class NominalRig:
             self._view("right", self.right, handedness[1], (aside_mm, height_mm)),
         )
 
+    @property
+    def swapped(self) -> "NominalRig":
+        """The same rig with its views swapped: each sees the object from the other side."""
+        return replace(self, base_mm=-self.base_mm)
+
     def _contradiction(self) -> float:
         """Ratio of the stated convergence to the one implied by base and distance."""
         made_deg = 2 * math.degrees(math.atan(0.5 * abs(self.base_mm) / self.distance_mm))
@@ -208,7 +238,7 @@ class NominalRig:
         )
 
 
-def _looking_down(turn_rad: float) -> NDArray[np.float64]:
+def _looking_down(turn_rad: float) -> Array:
     """(3, 3) rotation into a camera whose x is the object's Y and whose y is −X, turned about X."""
     cosine, sine = math.cos(turn_rad), math.sin(turn_rad)
     return np.array([[0.0, cosine, sine], [-1.0, 0.0, 0.0], [0.0, -sine, cosine]])

@@ -22,7 +22,8 @@ from dataclasses import dataclass, replace
 from typing import Any, Literal
 
 import numpy as np
-from numpy.typing import NDArray
+
+from grabberd.core.arrays import Array, Mask
 
 PARAMETERS = (
     "f_mm",
@@ -38,7 +39,6 @@ PARAMETERS = (
 )
 """The 18 parameters of a view that an adjustment may estimate, in the order of vectors and covariances."""
 Polynomial = Literal["distortion", "correction"]
-Array = NDArray[np.float64]
 _ONE, _X, _Y, _XX, _YY, _XY, _R2, _R4, _R6, _XX2, _YY2, _XY2, _XX4, _YY4, _XY4 = range(15)
 """Indices of the monomials; x²r² is _XX2, x²r⁴ is _XX4."""
 
@@ -81,40 +81,40 @@ class View:
     b: tuple[float, ...] = (0.0,) * 9
     polynomial: Polynomial = "distortion"
 
-    def vector(self) -> NDArray[np.float64]:
+    def vector(self) -> Array:
         """(18,) float64, the values of `PARAMETERS`."""
         return np.array([*(getattr(self, name) for name in PARAMETERS[:9]), *self.b])
 
-    def with_vector(self, values: NDArray[np.float64]) -> "View":
+    def with_vector(self, values: Array) -> "View":
         """Copy the view with other parameters; values (18,) in the order of `PARAMETERS`."""
         numbers = [float(value) for value in values]
         changes: dict[str, Any] = dict(zip(PARAMETERS[:9], numbers, strict=False))
         return replace(self, **changes, b=tuple(numbers[9:]))
 
     @property
-    def center_mm(self) -> NDArray[np.float64]:
+    def center_mm(self) -> Array:
         """(3,) float64, projection centre in the object's frame."""
         return np.array([self.X0_mm, self.Y0_mm, self.Z0_mm])
 
     @property
-    def axes(self) -> NDArray[np.float64]:
+    def axes(self) -> Array:
         """(3, 3) float64, from the object's frame into the camera's, handedness included."""
         rotation = rotation_matrix(self.omega_rad, self.phi_rad, self.kappa_rad)
         return np.diag([self.handedness, 1.0, 1.0]) @ rotation
 
-    def with_axes(self, axes: NDArray[np.float64]) -> "View":
+    def with_axes(self, axes: Array) -> "View":
         """Copy the view with other `axes` (3, 3), whose determinant gives the handedness."""
         handedness = 1 if np.linalg.det(axes) > 0 else -1
         omega, phi, kappa = rotation_angles(np.diag([handedness, 1.0, 1.0]) @ axes)
         return replace(self, handedness=handedness, omega_rad=omega, phi_rad=phi, kappa_rad=kappa)
 
-    def holds(self, xy_px: NDArray[np.float64]) -> NDArray[np.bool_]:
+    def holds(self, xy_px: Array) -> Mask:
         """(N,) bool: True for frame pixels (N, 2) in this view's half of the picture."""
         x = xy_px[:, 0]
         return (x >= self.first_column - 0.5) & (x < self.end_column - 0.5)
 
 
-def rotation_matrix(omega_rad: float, phi_rad: float, kappa_rad: float) -> NDArray[np.float64]:
+def rotation_matrix(omega_rad: float, phi_rad: float, kappa_rad: float) -> Array:
     """Compute R = Rκ·Rφ·Rω, which rotates coordinates from the object's frame into the camera's.
 
     A single-axis matrix turns the *axes* counterclockwise by its angle: Rω = [[1, 0, 0], [0, cos, sin],
@@ -127,7 +127,7 @@ def rotation_matrix(omega_rad: float, phi_rad: float, kappa_rad: float) -> NDArr
     return _turn(2, kappa_rad) @ _turn(1, phi_rad) @ _turn(0, omega_rad)
 
 
-def rotation_derivatives(omega_rad: float, phi_rad: float, kappa_rad: float) -> NDArray[np.float64]:
+def rotation_derivatives(omega_rad: float, phi_rad: float, kappa_rad: float) -> Array:
     """(3, 3, 3) float64 derivatives of R by ω, φ and κ, stacked along the first axis."""
     about_x, about_y, about_z = _turn(0, omega_rad), _turn(1, phi_rad), _turn(2, kappa_rad)
     return np.stack(
@@ -139,7 +139,7 @@ def rotation_derivatives(omega_rad: float, phi_rad: float, kappa_rad: float) -> 
     )
 
 
-def rotation_angles(rotation: NDArray[np.float64]) -> tuple[float, float, float]:
+def rotation_angles(rotation: Array) -> tuple[float, float, float]:
     """Extract ω, φ, κ from a rotation matrix (3, 3); φ lies in [−π/2, π/2].
 
     At φ = ±π/2 only the sum or the difference of ω and κ is determined; κ is then set to zero.
@@ -154,15 +154,15 @@ def rotation_angles(rotation: NDArray[np.float64]) -> tuple[float, float, float]
     )
 
 
-def _turn(axis: int, angle_rad: float) -> NDArray[np.float64]:
+def _turn(axis: int, angle_rad: float) -> Array:
     return _about(axis, math.cos(angle_rad), math.sin(angle_rad), along=1.0)
 
 
-def _turn_rate(axis: int, angle_rad: float) -> NDArray[np.float64]:
+def _turn_rate(axis: int, angle_rad: float) -> Array:
     return _about(axis, -math.sin(angle_rad), math.cos(angle_rad), along=0.0)
 
 
-def _about(axis: int, cosine: float, sine: float, along: float) -> NDArray[np.float64]:
+def _about(axis: int, cosine: float, sine: float, along: float) -> Array:
     first, second = (axis + 1) % 3, (axis + 2) % 3
     matrix = np.zeros((3, 3))
     matrix[axis, axis] = along

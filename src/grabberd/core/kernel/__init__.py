@@ -9,7 +9,7 @@ from typing import Any, Protocol, cast
 
 Buffer = Any
 """Anything with contiguous memory: an array, a ctypes structure, bytes; `lines` in any strides."""
-LAYOUT = 9
+LAYOUT = 10
 """Version of functions and structures (module.c); a kernel with another one is left over from an older
 build."""
 DONE, NO_MEMORY, REFUSED, MORE_ROOM, NO_TABLE, NO_FULLNESS, UNSOUND = range(7)
@@ -57,6 +57,9 @@ class Kernel(Protocol):
 
     def largest(self, world: Buffer, /, *arguments: Buffer | float) -> tuple[int, int]:
         """Find the largest set of hypotheses that agree, and what it says of all targets."""
+
+    def centres(self, neighbours: Buffer, discs: Buffer, places_mm: Buffer, /, *arguments: Buffer) -> None:
+        """Move points to the centres of their discs."""
 
     def precision(self, covariance_mm2: Buffer, precision: Buffer, /) -> object:
         """Invert the covariance of the targets' displacements."""

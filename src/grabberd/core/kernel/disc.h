@@ -18,6 +18,7 @@ typedef struct {
     float *x, *y, *grey, *design; /* the last: (ROWS, padded) */
 } Sheet;
 
+float background_of(const Sheet *);
 /* From the moments of the grey values' squares. */
 void start_of(const Sheet *, double spread_px, float disc[NUMBERS]);
 /* The design at a disc; and as much of it as chords are cut from. */

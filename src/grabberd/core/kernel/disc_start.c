@@ -4,7 +4,7 @@
 static const double ROW = 0.2;
 
 /* The middle one of the window's grey values, whole numbers below 256: more than half of it is no target. */
-WIDE static float background_of(const Sheet *sheet) {
+WIDE float background_of(const Sheet *sheet) {
     int64_t wanted = sheet->pixels / 2 + 1 + sheet->padded - sheet->pixels;
     float value = -1.0f;
     for (float step = 128.0f; step >= 1.0f; step /= 2) {

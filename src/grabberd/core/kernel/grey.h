@@ -31,11 +31,12 @@ typedef struct {
     double common_reach_px, jitter_px; /* NaN: not estimated */
 } GreyOutcome;
 
-/* Windows of N blobs, all of one size: the component of each, its first field line and first column. */
+/* Windows of N blobs, all of one size: the component of each, its first field line and first column; and which pixels
+   are nearer to no other blob: first and last column, first and last row. */
 typedef struct {
     int64_t count, lines, columns;
     const Component **blob;
-    int64_t *line, *column;
+    int64_t *line, *column, *own; /* the last: (N, 4) */
 } Windows;
 
 /* As `locator.Chords`, of N blobs with `height` lines each: (count, height) but for `line` and `middle`. */

@@ -187,9 +187,17 @@ static void calibration_share(const Rig *rig, const Pairs *pairs, const Image4 s
     for (int v = 0; v < VIEWS; v++) {
         if (!rig->local[v].rows) continue;
         double xy[2] = {pairs->observed[0][v][lane], pairs->observed[1][v][lane]};
-        for (int c = 0; c < 2; c++, errors++)
-            for (int i = 0; i < 3; i++) moved[i][errors] = pull[i][c][v] * local_value(rig->local + v, rig->local[v].sigma_px, xy, c);
+        for (int c = 0; c < 2; c++) {
+            double sigma = local_value(rig->local + v, rig->local[v].sigma_px, xy, c), correlation = rig->correlation[c];
+            /* As Rig.local_errors_px: the left one's error, of which the right one has a share beside its own. */
+            for (int i = 0; i < 3; i++) {
+                double *to = moved[i] + errors + 2 * c, by = sigma * pull[i][c][v];
+                to[0] += v ? correlation * by : by;
+                if (v) to[1] = sqrt(1.0 - correlation * correlation) * by;
+            }
+        }
     }
+    if (rig->local[0].rows || rig->local[1].rows) errors += 4;
     for (int i = 0; i < 3; i++)
         for (int j = 0; j < 3; j++) {
             share[3 * i + j] = 0;

@@ -86,6 +86,7 @@ typedef struct {
 typedef struct {
     double min_diameter_px, max_diameter_px, line_jitter_px;
     int64_t locale; /* 0: centroids alone */
+    int64_t shifts_taken; /* 0: places as the rows have them */
     const Table *tables;
     int64_t table_count;
     const Fullness *fullness;
@@ -106,7 +107,9 @@ typedef struct {
 int find_components(const Picture *, const Settings *, Seen *);
 void free_components(Seen *);
 int sizes_of(const Picture *, const Seen *, Size *);
-int locate_by_locale(const Picture *, const Settings *, const Seen *, Place *, Outcome *);
+/* `discs`: whole components that may be targets; those that no target explains are dropped. */
+int locate_by_locale(const Picture *, const Settings *, const Seen *, const Size *, bool *discs, Place *, Outcome *);
+int take_row_shifts(const Picture *, double jitter_px, const Seen *, const Size *, const bool *discs, Place *places);
 int line_shares(const Picture *, const Settings *, const Seen *, double *common_px, double *reach_px);
 double median_of(double *values, int64_t count); /* of one at least; reorders them */
 double ranked(double *values, int64_t count, int64_t rank); /* the one with so many before it; likewise */
@@ -129,6 +132,7 @@ INLINE double rounded(double value) {
 INLINE double larger(double one, double other) { return one > other ? one : other; }
 INLINE double smaller(double one, double other) { return one < other ? one : other; }
 INLINE int64_t at_most(int64_t value, int64_t most) { return value < most ? value : most; }
+INLINE int64_t at_least(int64_t value, int64_t least) { return value > least ? value : least; }
 INLINE int64_t within(int64_t value, int64_t least, int64_t most) {
     return value < least ? least : at_most(value, most);
 }

@@ -68,7 +68,7 @@ static void place(const Work *work, const Settings *settings, int64_t blob, cons
     pattern_of(picture, own, work->sizes + blob, work->kinds->kinds + work->kinds->of[blob], &pattern);
     at->x = pattern.middle_x / 10.0 + found->x / pattern.wider;
     at->row = pattern.middle_y / (8.0 * y_step) + (double)first_row(picture) + found->y / pattern.higher / y_step;
-    double xx = found->variance_x / (pattern.wider * pattern.wider) * (is_doubled(picture) ? 1.15 : 1.0);
+    double xx = found->variance_x / (pattern.wider * pattern.wider);
     double lines = sqrt(4 / PI) / 2 * sqrt(own->area_px) / 2;
     double jitter = JITTER_OF_CENTRE * (settings->line_jitter_px * settings->line_jitter_px) / lines;
     xx -= smaller((is_doubled(picture) ? 0.25 : 0.5) * jitter, MOST_JITTER * xx);
@@ -108,37 +108,36 @@ static int posteriors_of(const Work *work, const Settings *settings, Posterior *
     return status;
 }
 
-static int decode(const Work *work, const Settings *settings, Place *places, Outcome *outcome) {
+static int decode(const Work *work, const Settings *settings, bool *discs, Place *places, Outcome *outcome) {
     size_t count = (size_t)work->seen->component_count;
     Posterior *found = malloc(count * sizeof *found);
     double *evidence = malloc(count * sizeof *evidence);
     int status = found && evidence ? posteriors_of(work, settings, found, evidence, outcome) : NO_MEMORY;
     if (status == DONE) {
         double least = median_of(evidence, work->kinds->blobs) - UNEXPLAINED;
-        for (size_t blob = 0; blob < count; blob++)
-            if (work->kinds->of[blob] >= 0 && found[blob].evidence > least)
-                place(work, settings, (int64_t)blob, found + blob, places + blob);
+        for (size_t blob = 0; blob < count; blob++) {
+            discs[blob] = work->kinds->of[blob] >= 0 && found[blob].evidence > least;
+            if (discs[blob]) place(work, settings, (int64_t)blob, found + blob, places + blob);
+        }
     }
     free(found);
     free(evidence);
     return status;
 }
 
-int locate_by_locale(const Picture *picture, const Settings *settings, const Seen *seen, Place *places, Outcome *outcome) {
+int locate_by_locale(const Picture *picture, const Settings *settings, const Seen *seen, const Size *sizes, bool *discs,
+                     Place *places, Outcome *outcome) {
     Kinds kinds = {0};
     double fraction;
-    Size *sizes = malloc((size_t)seen->component_count * sizeof *sizes);
     int64_t *entry = malloc((size_t)(2 * picture->rows + 2) * sizeof *entry);
-    int status = sizes && entry ? DONE : NO_MEMORY;
-    if (status == DONE) status = sizes_of(picture, seen, sizes);
+    int status = entry ? DONE : NO_MEMORY;
     if (status == DONE) status = threshold_fraction(picture, settings, seen, sizes, &fraction, outcome);
     if (status == DONE) status = kinds_of(seen, sizes, &kinds);
     if (status == DONE && kinds.blobs) {
         Work work = {picture, seen, sizes, &kinds, fraction, entry, 2 * REACH_Y(picture->y_step) + 1};
-        status = decode(&work, settings, places, outcome);
+        status = decode(&work, settings, discs, places, outcome);
     }
     free_kinds(&kinds);
-    free(sizes);
     free(entry);
     return status;
 }

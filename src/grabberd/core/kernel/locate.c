@@ -41,13 +41,22 @@ static int locate_seen(const Picture *picture, const Settings *settings, const S
                        int64_t capacity, Outcome *outcome) {
     size_t count = (size_t)seen->component_count;
     Place *places = malloc(count * sizeof *places);
+    Size *sizes = malloc(count * sizeof *sizes);
+    bool *discs = malloc(count * sizeof *discs), shifting = settings->line_jitter_px > 0 && settings->shifts_taken;
     double *common_px = malloc(count * sizeof *common_px);
-    int status = places && common_px ? DONE : NO_MEMORY;
-    for (size_t i = 0; status == DONE && i < count; i++) start(picture, seen->components + i, places + i);
-    if (status == DONE && settings->locale) status = locate_by_locale(picture, settings, seen, places, outcome);
+    int status = places && sizes && discs && common_px ? DONE : NO_MEMORY;
+    for (size_t i = 0; status == DONE && i < count; i++) {
+        start(picture, seen->components + i, places + i);
+        discs[i] = seen->components[i].whole;
+    }
+    if (status == DONE && (settings->locale || shifting)) status = sizes_of(picture, seen, sizes);
+    if (status == DONE && settings->locale) status = locate_by_locale(picture, settings, seen, sizes, discs, places, outcome);
+    if (status == DONE && shifting) status = take_row_shifts(picture, settings->line_jitter_px, seen, sizes, discs, places);
     if (status == DONE) status = line_shares(picture, settings, seen, common_px, &outcome->common_reach_px);
     if (status == DONE) write_out(picture, seen, places, common_px, out, capacity);
     free(places);
+    free(sizes);
+    free(discs);
     free(common_px);
     return status;
 }

@@ -62,6 +62,7 @@ static PyMethodDef FUNCTIONS[] = {{"locate", locate, METH_VARARGS, "Blobs of a p
                                   {"agree", agree_of, METH_VARARGS, "Whether targets agree, and where all of them are."},
                                   {"hypotheses", hypotheses_of, METH_VARARGS, "Pairs of blobs that may be a target."},
                                   {"largest", largest_of, METH_VARARGS, "The largest set of hypotheses that agree."},
+                                  {"centres", centres_of, METH_VARARGS, "Centres of discs, from the middles of their pictures."},
                                   {"precision", precision_of, METH_VARARGS, "Inverse of the covariance of displacements."},
                                   {"predictor", predictor_of_seen, METH_VARARGS, "What some targets tell of all."},
                                   {"pack", pack_of, METH_VARARGS, "A field, doubled, quantised and packed."},
@@ -72,7 +73,7 @@ static PyMethodDef FUNCTIONS[] = {{"locate", locate, METH_VARARGS, "Blobs of a p
                                   {NULL, NULL, 0, NULL}};
 
 /* Changed with every function and structure that Python sees (kernel.LAYOUT). */
-enum { LAYOUT = 9 };
+enum { LAYOUT = 10 };
 
 static int fill(PyObject *module) { return PyModule_AddIntConstant(module, "LAYOUT", LAYOUT); }
 

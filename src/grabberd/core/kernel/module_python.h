@@ -17,6 +17,7 @@ PyObject *near_of(PyObject *self, PyObject *arguments);
 PyObject *agree_of(PyObject *self, PyObject *arguments);
 PyObject *hypotheses_of(PyObject *self, PyObject *arguments);
 PyObject *largest_of(PyObject *self, PyObject *arguments);
+PyObject *centres_of(PyObject *self, PyObject *arguments);
 PyObject *precision_of(PyObject *self, PyObject *arguments);
 PyObject *predictor_of_seen(PyObject *self, PyObject *arguments);
 PyObject *forces_of(PyObject *self, PyObject *arguments);

@@ -83,22 +83,49 @@ double surprise_of(const double *places_mm, const double *sigma_mm, int64_t coun
     return count ? sqrt(sum / (double)(3 * count)) : 0.0;
 }
 
+/* Why a target is not found, or not reported (as Prediction.misses); 0 where nothing speaks against it. */
+static int64_t miss_of(int64_t left, int64_t right, int64_t unseen_left, int64_t unseen_right) {
+    int64_t unseen = at_least(unseen_left, unseen_right);
+    if (unseen > CROWDED) return unseen;
+    if (left == BLOB_TAKEN || right == BLOB_TAKEN) return TAKEN;
+    return left < 0 || right < 0 ? (left < 0) * NO_BLOB + (right < 0) * 2 * NO_BLOB : unseen;
+}
+
+static bool make_facing(int64_t targets, Facing *facing) {
+    facing->toward = malloc((size_t)targets * 7 * sizeof *facing->toward);
+    if (!facing->toward) return false;
+    facing->length2 = facing->toward + 2 * targets, facing->away_mm = facing->length2 + 2 * targets;
+    facing->unseen = (int64_t *)(facing->away_mm + targets);
+    return true;
+}
+
+/* The blob of each target in each view, where it can be seen. */
+static int assign(const World *world, const double *places_mm, const double *sigma_mm, const ViewBlobs blobs[VIEWS], double *reach_px,
+                  Found *found, Facing *facing, int64_t *blob[VIEWS]) {
+    int64_t targets = world->targets;
+    int status = DONE;
+    double typical_px[2];
+    for (int v = 0; v < VIEWS; v++) {
+        typical_of(world, blobs + v, typical_px);
+        predict(world, v, places_mm, sigma_mm, typical_px, found->predicted_px + 2 * targets * v, reach_px + 2 * targets * v);
+    }
+    find_unseen(world, places_mm, found->predicted_px, facing);
+    for (int v = 0; v < VIEWS && status == DONE; v++)
+        status = nearest(targets, found->predicted_px + 2 * targets * v, reach_px + 2 * targets * v, facing->unseen + targets * v, blobs + v, blob[v]);
+    return status;
+}
+
 int near(const World *world, const double *places_mm, const double *sigma_mm, const ViewBlobs blobs[VIEWS], double reach_px,
          Found *found, int64_t *count, double *surprise) {
-    int64_t targets = world->targets, pairs = 0;
-    double *reach = malloc((size_t)targets * 2 * sizeof *reach), typical_px[2];
-    int64_t *blob[VIEWS];
+    int64_t targets = world->targets, pairs = 0, *blob[VIEWS];
+    double *reach = malloc((size_t)targets * 2 * VIEWS * sizeof *reach);
+    Facing facing = {0};
     for (int v = 0; v < VIEWS; v++) blob[v] = malloc((size_t)targets * sizeof *blob[v]);
-    int status = reach && blob[0] && blob[1] ? DONE : NO_MEMORY;
-    for (int v = 0; v < VIEWS && status == DONE; v++) {
-        typical_of(world, blobs + v, typical_px);
-        double *image_px = found->predicted_px + 2 * targets * v;
-        predict(world, v, places_mm, sigma_mm, typical_px, image_px, reach);
-        status = nearest(targets, image_px, reach, blobs + v, blob[v]);
-    }
+    int status = reach && make_facing(targets, &facing) && blob[0] && blob[1] ? DONE : NO_MEMORY;
+    if (status == DONE) status = assign(world, places_mm, sigma_mm, blobs, reach, found, &facing, blob);
     for (int64_t i = 0; i < targets && status == DONE; i++) {
-        found->miss[i] = (blob[0][i] < 0) * NO_BLOB + (blob[1][i] < 0) * 2 * NO_BLOB;
-        if (found->miss[i]) continue;
+        found->miss[i] = miss_of(blob[0][i], blob[1][i], facing.unseen[i], facing.unseen[targets + i]);
+        if (found->miss[i] && found->miss[i] != CROWDED) continue;
         found->target[pairs] = i;
         for (int v = 0; v < VIEWS; v++) found->blob[v][pairs] = blob[v][i];
         pairs++;
@@ -109,6 +136,7 @@ int near(const World *world, const double *places_mm, const double *sigma_mm, co
         *surprise = surprise_of(places_mm, sigma_mm, *count, found);
     }
     free(reach);
+    free(facing.toward);
     for (int v = 0; v < VIEWS; v++) free(blob[v]);
     return status;
 }

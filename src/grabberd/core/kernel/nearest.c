@@ -65,8 +65,9 @@ static int64_t look_around(const Cells *cells, const ViewBlobs *blobs, const dou
     return found;
 }
 
-int nearest(int64_t targets, const double *image_px, const double *reach_px, const ViewBlobs *blobs, int64_t *blob) {
-    for (int64_t i = 0; i < targets; i++) blob[i] = -1;
+/* Of the targets that a view may show; merged ones, too, keep others from their blobs. */
+int nearest(int64_t targets, const double *image_px, const double *reach_px, const int64_t *unseen, const ViewBlobs *blobs, int64_t *blob) {
+    for (int64_t i = 0; i < targets; i++) blob[i] = NO_BLOB_NEAR;
     if (!blobs->count) return DONE;
     Cells cells = {0};
     double *least = malloc((size_t)blobs->count * sizeof *least);
@@ -74,11 +75,11 @@ int nearest(int64_t targets, const double *image_px, const double *reach_px, con
     int status = least && of ? sort_into_cells(blobs, &cells) : NO_MEMORY;
     for (int64_t i = 0; i < blobs->count && status == DONE; i++) least[i] = INFINITY, of[i] = -1;
     for (int64_t i = 0; i < targets && status == DONE; i++) {
-        if (!isfinite(image_px[2 * i]) || !isfinite(image_px[2 * i + 1])) continue;
+        if (unseen[i] == TURNED_AWAY || unseen[i] == HIDDEN || !isfinite(image_px[2 * i]) || !isfinite(image_px[2 * i + 1])) continue;
         blob[i] = look_around(&cells, blobs, image_px + 2 * i, reach_px + 2 * i, i, least, of);
     }
     for (int64_t i = 0; i < targets && status == DONE; i++)
-        if (blob[i] >= 0 && of[blob[i]] != i) blob[i] = -1;
+        if (blob[i] >= 0 && of[blob[i]] != i) blob[i] = BLOB_TAKEN;
     free(cells.begin);
     free(cells.blob);
     free(least);

@@ -1,4 +1,4 @@
-/* Effect of line jitter on x if the shifts are not solved for (as line_jitter.binary_shares, line_shifts.unsolved). */
+/* Effect of line jitter on x to be expected if lines keep their shifts (as line_jitter.binary_shares, line_shifts.unsolved). */
 #include "kernel.h"
 
 static const double LINES_APART = 2.0, TINY = 2.2250738585072014e-308;

@@ -5,7 +5,9 @@
 #include "kernel.h"
 
 /* As points.Miss; where both views have no blob, both bits are set. */
-enum { NO_BLOB = 1, RAYS_APART = 4, OFF_PLACE = 5 };
+enum { NO_BLOB = 1, RAYS_APART = 4, OFF_PLACE = 5, TAKEN = 10, CROWDED, TURNED_AWAY, HIDDEN, MERGED };
+/* In place of a blob: none is near, or the one there is nearer to another target. */
+enum { NO_BLOB_NEAR = -1, BLOB_TAKEN = -2 };
 enum { VIEWS = 2, PARAMETERS = 18, MOST_ERRORS = 2 * PARAMETERS, FOUR = 4, FOUND_NUMBERS = 32, FOUND_INDICES = 5 };
 typedef double Four __attribute__((vector_size(32)));
 
@@ -23,7 +25,25 @@ typedef struct {
     const double *factor; /* (VIEWS, PARAMETERS, errors), or none */
     int64_t errors;
     LocalField local[VIEWS]; /* of 0 rows where there is none */
+    double correlation[2];   /* correlation of their errors, in x and in y */
 } Rig;
+
+/* The grid of targets as a wall (facing.Facing): three targets of each slope, along the rows and along the columns; and
+   the targets of every row and column. */
+typedef struct {
+    const int64_t *slope_of;     /* (2, 3, targets) */
+    const double *slope_weight;  /* (2, 3, targets) */
+    double side, half_pitch_px;
+    int64_t lines;
+    const int64_t *line_begin, *line; /* (lines + 1,), and all of them one after the other */
+} Wall;
+
+/* Which targets the views cannot show, as `Miss`, and what that is found with. */
+typedef struct {
+    int64_t *unseen;         /* (VIEWS, targets), as the two below */
+    double *toward, *length2;
+    double *away_mm;         /* (targets,) */
+} Facing;
 
 /* What is known of the object and of the noise. */
 typedef struct {
@@ -33,6 +53,7 @@ typedef struct {
     const int64_t *neighbours;            /* (pairs, 2) */
     const double *apart_mm;               /* (pairs,) */
     double gate, stretch, unmodelled_px, noise_mm, blob_jitter_px, radius_lines;
+    Wall wall;
 } World;
 
 /* N blobs of one view; `common_px` may be none. */
@@ -62,7 +83,8 @@ Found found_in(int64_t *index, double *number, double *predicted_px, int64_t roo
 void take_over(Found *, int64_t from, int64_t to); /* but for displacement and variance */
 double surprise_of(const double *places_mm, const double *sigma_mm, int64_t count, const Found *);
 double local_value(const LocalField *, const double *coefficients, const double xy[2], int channel);
-int nearest(int64_t targets, const double *image_px, const double *reach_px, const ViewBlobs *, int64_t *blob);
+int nearest(int64_t targets, const double *image_px, const double *reach_px, const int64_t *unseen, const ViewBlobs *, int64_t *blob);
+void find_unseen(const World *, const double *places_mm, const double *image_px, Facing *);
 int intersect(const World *, int64_t count, const double *start_mm, const ViewBlobs blobs[VIEWS], double reach_px, Found *);
 void mark_torn(const World *, const double *moved_mm, const bool *seen, bool *torn);
 void expect_all(int64_t targets, const double *weights, int64_t count, const double *displacement_mm, double *expected_mm,

@@ -47,10 +47,21 @@ static bool make_sheets(const Windows *windows, int64_t apart, Sheet sheets[ABRE
     return true;
 }
 
+/* What is nearer to another blob is taken for background: its light would draw the disc there. */
+static void leave_out(const int64_t own[4], int64_t row, int64_t apart, int64_t column, const Sheet *sheet) {
+    int64_t end = column + sheet->columns - 1, last = row + apart * (sheet->lines - 1);
+    if (own[0] <= column && own[1] >= end && own[2] <= row && own[3] >= last) return;
+    float background = background_of(sheet), *grey = sheet->grey;
+    for (int64_t line = 0; line < sheet->lines; line++, row += apart)
+        for (int64_t i = 0; i < sheet->columns; i++, grey++)
+            if (column + i < own[0] || column + i > own[1] || row < own[2] || row > own[3]) *grey = background;
+}
+
 static void read_window(const GreyPicture *picture, const Windows *windows, int64_t i, Sheet *sheet) {
-    int64_t apart = lines_apart(picture) / picture->y_step, row = windows->line[i] * apart + first_delivered(picture);
-    for (int64_t line = 0; line < windows->lines; line++, row += apart)
+    int64_t apart = lines_apart(picture) / picture->y_step, first = windows->line[i] * apart + first_delivered(picture);
+    for (int64_t line = 0, row = first; line < windows->lines; line++, row += apart)
         greys_of(picture, row, windows->column[i], windows->columns, sheet->grey + line * windows->columns);
+    leave_out(windows->own + 4 * i, first, apart, windows->column[i], sheet);
 }
 
 /* What becomes of the fitted disc of a window. */

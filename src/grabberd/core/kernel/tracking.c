@@ -133,8 +133,8 @@ static int follow(Step *step, double elapsed_s, double *scratch, Anew *anew) {
 static void believe(Step *step) {
     for (int64_t i = 0; i < step->sighting.count; i++) {
         int64_t target = step->found.target[i];
-        step->believed[i] = step->before->unseen_s[target] <= step->following->longest_gap_s ||
-                            step->sighting.say.sigma_mm[target] <= step->following->firm_mm;
+        step->believed[i] = !step->found.miss[target] && (step->before->unseen_s[target] <= step->following->longest_gap_s ||
+                                                          step->sighting.say.sigma_mm[target] <= step->following->firm_mm);
     }
 }
 
@@ -188,7 +188,7 @@ static int go_on(Step *step, double elapsed_s) {
 static int begin(Step *step, const Anew *anew) {
     adopt(step, anew);
     if (recall_own(step) != DONE) return NO_MEMORY;
-    for (int64_t i = 0; i < step->sighting.count; i++) step->believed[i] = 1;
+    for (int64_t i = 0; i < step->sighting.count; i++) step->believed[i] = !step->found.miss[step->found.target[i]];
     move_on(step, step->following->speed_mm_s * larger(1.0, OFTEN_S / larger(step->passed_s, SHORTEST_S)));
     for (int64_t i = 0; i < 3 * step->world->targets; i++) step->after.velocity_mm_s[i] = 0;
     return DONE;

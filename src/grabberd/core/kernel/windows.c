@@ -2,6 +2,7 @@
 #include "grey.h"
 
 static const double BEYOND_PX = 1.2, BEYOND_MORE_PX = 3.9, LARGEST_SHARE = 0.5, ALL_BUT_THE_LARGEST = 0.9;
+enum { MOST_SPOTS = 4096 };
 
 /* Margin of windows beyond the pixels above the threshold. */
 static double beyond_px(const GreyPicture *picture, const Windows *windows, double background, double *scratch) {
@@ -39,6 +40,38 @@ static void place_windows(const GreyPicture *picture, double background, Windows
     }
 }
 
+/* Where the pixels nearer to another blob begin, by the widest gap between the two (as locator._own_pixels). */
+static void keep_apart(const Component *one, const Component *other, int64_t y_step, int64_t *own) {
+    int64_t right = other->first_column - one->last_column, left = one->first_column - other->last_column;
+    int64_t below = y_step * (other->first_row - one->last_row), above = y_step * (one->first_row - other->last_row);
+    int64_t across = at_least(right, left), down = at_least(below, above);
+    if (across <= 0 && down <= 0) return;
+    if (across >= down && right > 0) own[1] = at_most(own[1], (one->last_column + other->first_column) / 2);
+    else if (across >= down) own[0] = at_least(own[0], (other->last_column + one->first_column + 1) / 2);
+    else if (below > 0) own[3] = at_most(own[3], (one->last_row + other->first_row) / 2);
+    else own[2] = at_least(own[2], (other->last_row + one->first_row + 1) / 2);
+}
+
+static bool are_far(const Component *one, const Component *other, int64_t columns) {
+    return other->first_column > one->last_column + columns || one->first_column > other->last_column + columns;
+}
+
+/* Components stand in the order of their first rows. */
+static void share_pixels(const GreyPicture *picture, const Seen *seen, const Windows *windows) {
+    int64_t rows = windows->lines * lines_apart(picture) / picture->y_step, *own = windows->own;
+    for (int64_t i = 0; i < windows->count; i++)
+        memcpy(own + 4 * i, (int64_t[]){0, picture->columns - 1, 0, picture->rows - 1}, 4 * sizeof *own);
+    const Component *one = seen->components, *end = one + (seen->component_count <= MOST_SPOTS ? seen->component_count : 0);
+    for (; one < end; own += one++->of_size ? 4 : 0) {
+        int64_t *others = own + (one->of_size ? 4 : 0);
+        for (const Component *other = one + 1; other < end && other->first_row <= one->last_row + rows; others += other++->of_size ? 4 : 0) {
+            if (are_far(one, other, windows->columns)) continue;
+            if (one->of_size) keep_apart(one, other, picture->y_step, own);
+            if (other->of_size) keep_apart(other, one, picture->y_step, others);
+        }
+    }
+}
+
 int windows_of(const GreyPicture *picture, const Seen *seen, double background, Windows *windows) {
     int64_t count = 0;
     for (int64_t i = 0; i < seen->component_count; i++) count += seen->components[i].of_size;
@@ -46,11 +79,15 @@ int windows_of(const GreyPicture *picture, const Seen *seen, double background, 
     double *scratch = malloc(room * sizeof *scratch);
     *windows = (Windows){.blob = malloc(room * sizeof *windows->blob),
                          .line = malloc(room * sizeof *windows->line),
-                         .column = malloc(room * sizeof *windows->column)};
-    int status = scratch && windows->blob && windows->line && windows->column ? DONE : NO_MEMORY;
+                         .column = malloc(room * sizeof *windows->column),
+                         .own = malloc(room * 4 * sizeof *windows->own)};
+    int status = scratch && windows->blob && windows->line && windows->column && windows->own ? DONE : NO_MEMORY;
     for (int64_t i = 0; i < seen->component_count && status == DONE; i++)
         if (seen->components[i].of_size) windows->blob[windows->count++] = seen->components + i;
-    if (status == DONE && count) place_windows(picture, background, windows, scratch);
+    if (status == DONE && count) {
+        place_windows(picture, background, windows, scratch);
+        share_pixels(picture, seen, windows);
+    }
     free(scratch);
     return status;
 }
@@ -59,4 +96,5 @@ void free_windows(Windows *windows) {
     free(windows->blob);
     free(windows->line);
     free(windows->column);
+    free(windows->own);
 }

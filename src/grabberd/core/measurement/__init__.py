@@ -5,8 +5,7 @@ room knows about rows, parity or bits. Everything works on the packed bits: in a
 bytes are empty and never touched, and grey values are gathered only where the threshold is exceeded.
 """
 
-from grabberd.core.measurement.blobs import Blobs
-from grabberd.core.measurement.location import measure, seen_in
+from grabberd.core.measurement.location import Blobs, measure, seen_in
 from grabberd.core.measurement.noise import background_of
 from grabberd.core.measurement.settings import ANY_DISC, METHODS, LocationSettings
 from grabberd.core.measurement.threshold import (

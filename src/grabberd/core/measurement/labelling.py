@@ -10,6 +10,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from grabberd.core.arrays import Array, Indices, Mask
 from grabberd.core.field import PackedField
 
 ONE, LAST_BIT = np.uint64(1), np.uint64(63)
@@ -29,7 +30,7 @@ class Runs(NamedTuple):
     first: NDArray[np.int64]
     last: NDArray[np.int64]
 
-    def taken(self, order: NDArray[np.intp]) -> "Runs":
+    def taken(self, order: Indices) -> "Runs":
         """Select runs in the given order."""
         return Runs(self.row[order], self.first[order], self.last[order])
 
@@ -155,7 +156,7 @@ class _Above(NamedTuple):
     """
 
     first: NDArray[np.int64]
-    touches: NDArray[np.bool_]
+    touches: Mask
     several: NDArray[np.int64]
     touching: NDArray[np.int64]
 
@@ -255,10 +256,10 @@ class Shapes:
     def __len__(self) -> int:
         return len(self.pixels)
 
-    def touch_border(self, rows: int, columns: int) -> NDArray[np.bool_]:
+    def touch_border(self, rows: int, columns: int) -> Mask:
         """(N,) bool: True for components that touch the edge of a field of this size."""
-        across: NDArray[np.bool_] = (self.first_row == 0) | (self.last_row == rows - 1)
-        along: NDArray[np.bool_] = (self.first_column == 0) | (self.last_column == columns - 1)
+        across: Mask = (self.first_row == 0) | (self.last_row == rows - 1)
+        along: Mask = (self.first_column == 0) | (self.last_column == columns - 1)
         return across | along
 
 
@@ -275,7 +276,7 @@ def shapes_of(runs: Runs, label: NDArray[np.int64], count: int) -> Shapes:
     )
 
 
-def binary_centres(runs: Runs, label: NDArray[np.int64], count: int) -> NDArray[np.float64]:
+def binary_centres(runs: Runs, label: NDArray[np.int64], count: int) -> Array:
     """(N, 2) float64 column and row of each component's centre, all pixels weighted equally."""
     length = runs.last - runs.first + 1
     total = np.bincount(label, length, count)
@@ -287,7 +288,7 @@ def binary_centres(runs: Runs, label: NDArray[np.int64], count: int) -> NDArray[
 
 def grey_centres(
     packed: PackedField, runs: Runs, label: NDArray[np.int64], count: int
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+) -> tuple[Array, Array]:
     """Compute centres weighted with the grey value above the threshold, and the sum of these weights.
 
     Returns:

@@ -1,7 +1,8 @@
 """Line jitter: its effect on located positions, and its correction by the shifts of the lines.
 
-Runs above the threshold are cut into chords of blobs on the delivered lines, from which `line_shifts` solves
-for the shifts; if the settings forbid that, the effect to be expected is stated (docs/decisions).
+With more than 1 bit, runs above the threshold are cut into chords of blobs on the delivered lines, from which
+`line_shifts` solves for the shifts. At 1 bit `row_shifts` takes them away, and the effect to be expected
+without that is stated, as it is if the settings forbid both (docs/decisions).
 """
 
 from typing import NamedTuple
@@ -9,21 +10,16 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from grabberd.core.arrays import Array
 from grabberd.core.measurement.labelling import run_greys
-from grabberd.core.measurement.line_shifts import LINES_APART, LineShifts, line_shifts, unsolved
+from grabberd.core.measurement.line_shifts import (
+    LINES_APART,
+    LineShifts,
+    line_shifts,
+    steady_centres,
+    unsolved,
+)
 from grabberd.core.measurement.locators.locator import Chords, Located, Seen, line_of_row, lines_of, noise_of
-
-END_QUANTISED_PX = 24**-0.5
-"""σ of a chord's middle at 1 bit: half the difference of two ends, each rounded to whole pixels."""
-
-Array = NDArray[np.float64]
-
-
-def binary_chords(seen: Seen) -> Chords:
-    """Make chords with all pixels weighted equally; a line's share is that of the blob's pixels on it."""
-    length = (seen.runs.last - seen.runs.first + 1).astype(np.float64)
-    middle = (seen.runs.first + seen.runs.last) / 2
-    return _chords(seen, _Cuts(length, middle, np.full(len(length), END_QUANTISED_PX)))
 
 
 def grey_chords(seen: Seen, noise: float) -> Chords:
@@ -41,7 +37,7 @@ def grey_chords(seen: Seen, noise: float) -> Chords:
 
 
 class Shares(NamedTuple):
-    """Influence of each line's shift on the x of N blobs of at most h lines.
+    """Influence of each line's shift on the x of N blobs of at most h lines, all pixels weighted equally.
 
     Attributes:
         blob: (N,) int64, the component of each.
@@ -53,7 +49,7 @@ class Shares(NamedTuple):
 
 
 def binary_shares(seen: Seen) -> Shares:
-    """Compute only the shares of `binary_chords`, three times faster; empty if no blob has a chord."""
+    """Compute the shares of a field of 1 bit; empty if no blob has a chord."""
     low = seen.low
     runs, label = seen.runs, seen.label
     length, row = runs.last - runs.first + 1, runs.row
@@ -151,44 +147,38 @@ class Steadied(NamedTuple):
 
 
 def steadied(seen: Seen, located: Located) -> Steadied:
-    """Solve for the shifts of the lines, or, if the settings forbid it, state their expected effect."""
+    """Take the shifts of the lines away, unless the settings forbid it, and state what is left of their
+    effect.
+    """
     expected_px = seen.settings.line_jitter_px
+    nothing = Steadied(located.centres, np.full(len(seen.shapes), expected_px), LINES_APART, None)
     if expected_px == 0 or not seen.of_size.any():
-        return Steadied(located.centres, np.full(len(seen.shapes), expected_px), LINES_APART, None)
-    # At 1 bit solving gains a thirtieth of the error in space, with more bits a third.
-    if not seen.settings.solves_line_shifts(seen.packed.bits):
-        return _unsolved(seen, located)
-    chords = _chords_of(seen) if located.chords is None else located.chords
+        return nothing
+    if seen.packed.bits == 1:
+        shares, centres = binary_shares(seen), steady_centres(seen, located)
+        return _unsolved(nothing, centres, shares)
+    chords = grey_chords(seen, noise_of(seen)) if located.chords is None else located.chords
+    if seen.settings.line_shifts is False:
+        return _unsolved(nothing, located.centres, chords)
     if not (chords.weight > 0).any():
-        return Steadied(located.centres, np.full(len(seen.shapes), expected_px), LINES_APART, None)
+        return nothing
     line = line_of_row(seen.packed, located.centres[chords.blob, 1])
     known = seen.settings.line_jitter_known
     size = lines_of(seen.packed), seen.packed.columns
     shifts = line_shifts(chords, line, size, expected_px, known=known)
-    steady = _corrected(located.centres, chords.blob, shifts)
-    return steady._replace(line_jitter_px=None) if known else steady
+    steady = _corrected(nothing, located.centres, chords.blob, shifts)
+    return steady if known else steady._replace(line_jitter_px=shifts.line_jitter_px)
 
 
-def _unsolved(seen: Seen, located: Located) -> Steadied:
-    """The positions as located, with the expected effect of line jitter on each."""
-    expected_px = seen.settings.line_jitter_px
-    shares = _shares_of(seen) if located.chords is None else located.chords
+def _unsolved(nothing: Steadied, centres: Array, shares: Shares | Chords) -> Steadied:
+    """The positions as they are, with the expected effect of line jitter on each."""
     if not len(shares.blob):
-        return Steadied(located.centres, np.full(len(seen.shapes), expected_px), LINES_APART, None)
-    shifts = unsolved(shares.share, expected_px)
-    return _corrected(located.centres, shares.blob, shifts)._replace(line_jitter_px=None)
+        return nothing
+    return _corrected(nothing, centres, shares.blob, unsolved(shares.share, float(nothing.common_px[0])))
 
 
-def _corrected(centres: Array, blob: NDArray[np.int64], shifts: LineShifts) -> Steadied:
+def _corrected(nothing: Steadied, centres: Array, blob: NDArray[np.int64], shifts: LineShifts) -> Steadied:
     steady, common = centres.copy(), np.full(len(centres), shifts.line_jitter_px)
     steady[blob, 0] -= shifts.x_px
     common[blob] = shifts.common_px
-    return Steadied(steady, common, shifts.common_reach_px, shifts.line_jitter_px)
-
-
-def _shares_of(seen: Seen) -> Shares | Chords:
-    return binary_shares(seen) if seen.packed.bits == 1 else grey_chords(seen, noise_of(seen))
-
-
-def _chords_of(seen: Seen) -> Chords:
-    return binary_chords(seen) if seen.packed.bits == 1 else grey_chords(seen, noise_of(seen))
+    return Steadied(steady, common, shifts.common_reach_px, None)

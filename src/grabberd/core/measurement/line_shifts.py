@@ -5,6 +5,13 @@ The middle of blob i on field line k is c_ik = x_i + (a_i + t_i β) Δy + s_k + 
 picture, a quadratic in its place t_i. x_i and a_i are eliminated, which leaves normal equations in the shifts
 whose bandwidth is the height of a blob, bordered by those in β. σj maximises the likelihood of the data. A
 shift common to all lines of a group of blobs moves them alike and cannot be observed: its variance remains.
+
+Row shifts: at 1 bit, each line's shift from how its rows' middles differ from those of their discs.
+
+The middle of row r of disc i is x_i + s_r + noise, made upright by the lean of discs at such places. Of a
+delivered row s_r is its line's shift, of an interpolated one the mean of both beside it. x_i is taken from
+the mean of the disc's rows; the most likely shifts then solve a tridiagonal system. That is one turn of
+maximising over discs and shifts alternately. Further turns gain nothing: what moves whole discs is unknown.
 """
 
 import math
@@ -13,9 +20,11 @@ from typing import Any, Literal, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from grabberd.core.measurement.locators.locator import Chords
-
-Array = NDArray[np.float64]
+from grabberd.core.arrays import Array
+from grabberd.core.field import PackedField
+from grabberd.core.measurement.labelling import short
+from grabberd.core.measurement.locale_table import moments_of, sizes_of
+from grabberd.core.measurement.locators.locator import Chords, Located, Seen, lines_of
 
 
 def band_of(row: NDArray[np.int64], column: NDArray[np.int64], value: Array, shape: tuple[int, int]) -> Array:
@@ -369,3 +378,92 @@ def _peak(tried: Array, value: list[float]) -> float:
         return float(tried[int(np.argmax(value))])
     steps = min(max(0.5 * (before - after) / bend, -1.0), 1.0)
     return float(tried[best] * (tried[1] / tried[0]) ** steps)
+
+
+Whole = NDArray[np.int64]
+
+MIDDLE_PX2 = 1 / 24
+"""Variance of a row's middle: half the difference of two ends, each rounded to whole pixels."""
+FURTHEST_PX = 0.75
+"""Greatest difference of a row's middle that counts: rounding explains half a pixel, more is no disc."""
+
+
+class Rows(NamedTuple):
+    """R rows of M blobs, blob by blob; a gap between two runs of a row is taken as set: no target has such.
+
+    Attributes:
+        of: (R,) int64, number of the blob.
+        row: (R,) int64, row of the packed field.
+        first: (R,) int64, its first pixel.
+        last: (R,) int64, its last pixel.
+    """
+
+    of: Whole
+    row: Whole
+    first: Whole
+    last: Whole
+
+    @classmethod
+    def among(cls, seen: Seen, blob: Whole) -> "Rows":
+        """The rows of some components (M,), which are numbered in this order."""
+        number = np.full(len(seen.shapes), len(blob))
+        number[blob] = np.arange(len(blob))
+        of_run = number[seen.label]
+        run = short(of_run, len(blob) + 1).argsort(kind="stable")[: np.count_nonzero(of_run < len(blob))]
+        of, row, first, last = of_run[run], seen.runs.row[run], seen.runs.first[run], seen.runs.last[run]
+        same = (of[1:] == of[:-1]) & (row[1:] == row[:-1])
+        if same.any():
+            new = np.flatnonzero(np.append(True, ~same))
+            of, row, first, last = of[new], row[new], first[new], last[np.append(new[1:] - 1, -1)]
+        return cls(of, row, first, last)
+
+
+def steady_centres(seen: Seen, located: Located) -> Array:
+    """(N, 2) columns and rows of all components of a field of 1 bit, without the shifts of its lines, unless
+    the settings forbid it.
+    """
+    blob = np.flatnonzero(seen.whole if located.discs is None else located.discs)
+    centres, centroids = located.centres.copy(), seen.centroids
+    if seen.settings.line_shifts is not False and len(blob):
+        moments = moments_of(seen.packed, seen.runs, seen.label, centroids)
+        lean = sizes_of(moments, seen.whole, centroids, seen.packed).lean[blob]
+        rows, jitter_px = Rows.among(seen, blob), seen.settings.line_jitter_px
+        centres[blob, 0] -= moved_by_shifts(rows, seen.packed, centroids[blob], lean, jitter_px)
+    return centres
+
+
+def moved_by_shifts(rows: Rows, packed: PackedField, centres: Array, lean: Array, jitter_px: float) -> Array:
+    """(M,) how far the shifts of lines have moved M blobs, columns.
+
+    Args:
+        rows: Their rows.
+        packed: The field, of an analog camera.
+        centres: (M, 2) float64, their centroids, columns and rows.
+        lean: (M,) float64, columns per frame line.
+        jitter_px: Expected standard deviation of a line's shift.
+    """
+    of, count = rows.of, len(centres)
+    upright = lean[of] * packed.y_step * (rows.row - centres[of, 1])
+    middle = (rows.first + rows.last) / 2 - upright
+    mean = np.bincount(of, middle, count) / np.bincount(of, minlength=count)
+    off = (middle - mean[of]).clip(-FURTHEST_PX, FURTHEST_PX)
+    half = (rows.row * packed.y_step - packed.first_delivered).clip(0, 2 * lines_of(packed) - 2)
+    shift = _shifts(half, off, lines_of(packed), MIDDLE_PX2 / jitter_px**2)[half]
+    length = rows.last - rows.first + 1.0
+    return np.bincount(of, length * shift, count) / np.bincount(of, length, count)
+
+
+def _shifts(half: Whole, off: Array, lines: int, prior: float) -> Array:
+    """(2 lines,) most likely shifts of lines and of what lies between one and the next: their mean."""
+    (own, between), (off_own, off_between) = (
+        np.bincount(half, weight, 2 * lines).astype(np.float64).reshape(lines, 2).T
+        for weight in (np.ones(len(half)), off)
+    )
+    band: Array = np.stack([own + 0.25 * (between + _before(between)), 0.25 * between])
+    right = off_own + 0.5 * (off_between + _before(off_between))
+    shift = band_solve(band_factor(band, prior), right)
+    return np.stack([shift, (shift + np.append(shift[1:], 0.0)) / 2], axis=1).ravel()
+
+
+def _before(values: Array) -> Array:
+    return np.append(0.0, values[:-1])

@@ -13,20 +13,28 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from grabberd.core.arrays import Array
+from grabberd.core.field import PackedField
 from grabberd.core.measurement.labelling import short
-from grabberd.core.measurement.locale_sizes import (
+from grabberd.core.measurement.line_shifts import Rows
+from grabberd.core.measurement.locale_table import (
     NOMINAL_FRACTION,
+    STEPS_X,
+    STEPS_Y,
+    Appearance,
+    Grid,
     Sizes,
+    Table,
     is_delivered,
+    moments,
     moments_of,
     sizes_of,
+    table,
     threshold_fraction,
 )
-from grabberd.core.measurement.locale_table import STEPS_X, STEPS_Y, Appearance, Grid, Table, moments, table
 from grabberd.core.measurement.locators.locator import Located, Seen, meant_for
 from grabberd.core.measurement.noise import binary_sigma_px
 
-Array = NDArray[np.float64]
 Whole = NDArray[np.int64]
 
 
@@ -68,7 +76,7 @@ class Patterns(NamedTuple):
         stretched: (M, 2) float64, stretch in x and y.
         kinds: Their kinds, the most frequent first.
         blobs: Number of blobs of each kind.
-        cuts: Their rows.
+        cuts: Their rows relative to `middle`.
         fraction: The threshold's share of the contrast.
     """
 
@@ -89,7 +97,7 @@ def patterns_of(seen: Seen, centres: Array) -> Patterns:
         centres: (N, 2) float64, centroids of its N components, columns and rows.
     """
     packed = seen.packed
-    whole = seen.low & ~seen.shapes.touch_border(packed.rows, packed.columns)
+    whole = seen.whole
     moments = moments_of(packed, seen.runs, seen.label, centres)
     sizes = sizes_of(moments, whole, centres, packed)
     fraction = NOMINAL_FRACTION
@@ -101,7 +109,7 @@ def patterns_of(seen: Seen, centres: Array) -> Patterns:
     middle = np.rint((centres[blob] - before) * steps).astype(np.int64)
     wanted = np.repeat(kinds, count, axis=0).reshape(-1, 2)
     stretched = wanted / np.array(sizes[:2]).T[blob]
-    cuts = _cuts(seen, blob, middle, stretched, sizes.lean[blob])
+    cuts = _cuts(packed, Rows.among(seen, blob), middle, stretched, sizes.lean[blob])
     return Patterns(blob, middle / steps + before, stretched, kinds, count, cuts, fraction)
 
 
@@ -123,29 +131,20 @@ def _by_kind(blob: Whole, sizes: Sizes) -> tuple[Whole, list[Kind], list[int]]:
     return blob[order], kinds, count[by_count].tolist()
 
 
-def _cuts(seen: Seen, blob: Whole, middle: Whole, stretched: Array, lean: Array) -> Cuts:
-    """Cut the wanted blobs into rows relative to their `middle` (M, 2) steps; stretched and made upright."""
-    number = np.full(len(seen.shapes), len(blob))
-    number[blob] = np.arange(len(blob))
-    of_run = number[seen.label]
-    run = short(of_run, len(blob) + 1).argsort(kind="stable")[: np.count_nonzero(of_run < len(blob))]
-    of, row, first, last = of_run[run], seen.runs.row[run], seen.runs.first[run], seen.runs.last[run]
-    # A gap between two runs of a row is taken as set: no target has such rows.
-    same = (of[1:] == of[:-1]) & (row[1:] == row[:-1])
-    if same.any():
-        new = np.flatnonzero(np.append(True, ~same))
-        of, row, first, last = of[new], row[new], first[new], last[np.append(new[1:] - 1, -1)]
-    begin = np.cumsum(np.bincount(of, minlength=len(blob)))
+def _cuts(packed: PackedField, rows: Rows, middle: Whole, stretched: Array, lean: Array) -> Cuts:
+    """Rows of blobs relative to their `middle` (M, 2) steps; stretched and made upright."""
+    of, row, first, last = rows
+    begin = np.cumsum(np.bincount(of, minlength=len(middle)))
     x, y, wider, higher, leaning = np.array([*middle.T, *stretched.T, lean])[:, of]
-    down = (row - seen.packed.first_delivered) * (seen.packed.y_step * STEPS_Y) - y
+    down = (row - packed.first_delivered) * (packed.y_step * STEPS_Y) - y
     origin = x + HALF + leaning * down * (STEPS_X / STEPS_Y)
     # A pixel's position is a whole number; what is stretched is its edge, half a pixel before.
     start, end = (
         np.rint((edge * STEPS_X - origin) * wider + HALF).astype(np.int64) for edge in (first, last + 1)
     )
     return Cuts(
-        first=np.append(0, begin[:-1])[: len(blob)],
-        interpolated=1 - is_delivered(seen.packed, row).astype(np.int64),
+        first=np.append(0, begin[:-1])[: len(middle)],
+        interpolated=1 - is_delivered(packed, row).astype(np.int64),
         row=np.rint(down * higher).astype(np.int64),
         start=start,
         end=end,
@@ -257,9 +256,6 @@ JITTER_OF_CENTRE = 0.54
 """Variance of a centroid's x per variance of a line's shift, times the lines that its radius spans."""
 JITTER_OF_ENDS, JITTER_OF_DOUBLED_ENDS = 0.5, 0.25
 """Share of that in the posterior: it models a row's ends, and interpolated rows, as independent."""
-SHARED_NOISE = 1.15
-"""Factor on the variance of x of doubled fields: interpolated rows have no noise of their own but are counted
-as if they had."""
 MOST_JITTER = 0.7
 """Greatest share of the variance of x attributed to line jitter; the rest is the blob's own."""
 UNEXPLAINED = 20.0
@@ -293,10 +289,9 @@ def locate_by_locale(seen: Seen) -> Located:
     from_middle_px = posterior.from_middle_px[explained] / stretched
     centres[blob] = patterns.middle[explained] + from_middle_px / (1, seen.packed.y_step)
     variance = posterior.variance_px2[explained] / stretched**2
-    variance[:, 0] *= SHARED_NOISE if packed.is_doubled else 1.0
     variance[:, 0] -= np.minimum(_jitter_px2(seen, blob), MOST_JITTER * variance[:, 0])
     sigma_px[blob] = np.sqrt(variance)
-    return Located(centres, sigma_px)
+    return Located(centres, sigma_px, discs=np.bincount(blob, minlength=len(centres)) > 0)
 
 
 def _jitter_px2(seen: Seen, blob: NDArray[np.int64]) -> Array:

@@ -5,6 +5,11 @@ effectively random, so the quantisation error is given as its RMS over that phas
 whether the blob's height is near a whole or a half number of rows; the mean over heights is given here. For a
 mixture of sizes it is within a factor 1.35 in x and 1.6 in y of the true RMS; for one exact size, y may be
 off by 2.5.
+
+A light that goes on and off in the picture: where it might be, and when it was on.
+
+A target that moves also darkens one place and lights another, so whether a place is the light is decided by
+who knows when it was on; here are only the places at which there are two states and little between.
 """
 
 from dataclasses import replace
@@ -13,6 +18,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from grabberd.core.arrays import Array, Mask
 from grabberd.core.field import PROGRESSIVE, PackedField, unpack
 
 LEAST_NOISE = 12**-0.5
@@ -62,7 +68,7 @@ MEAN_OF_PEAK = 0.65
 """Mean weight of a blurred disc's pixels as a share of the highest."""
 
 
-def binary_sigma_px(area_px: NDArray[np.float64], y_step: int, *, doubled: bool) -> NDArray[np.float64]:
+def binary_sigma_px(area_px: Array, y_step: int, *, doubled: bool) -> Array:
     """Compute the standard deviation of a centre whose pixels are weighted equally.
 
     Intact rows: sx = .2122 √(py/D), sy = .2122 py/√D with py = `y_step`. Doubled rows (py 1): .105 and .109
@@ -82,14 +88,14 @@ def binary_sigma_px(area_px: NDArray[np.float64], y_step: int, *, doubled: bool)
 
 
 def grey_sigma_px(
-    area_px: NDArray[np.float64],
-    weight: NDArray[np.float64],
+    area_px: Array,
+    weight: Array,
     y_step: int,
     *,
     doubled: bool,
     noise: float,
     threshold_height: float,
-) -> NDArray[np.float64]:
+) -> Array:
     """Compute the standard deviation of a centre weighted with the grey value above the threshold.
 
     Noise: s = √(Σ Δ²) sn / Σ(g−T), which for a disc is .282 √py (W/R)² sn/C with W the radius of its
@@ -113,3 +119,78 @@ def grey_sigma_px(
     binary = binary_sigma_px(area_px, y_step, doubled=doubled)
     cut_off = (threshold_height / peak)[:, np.newaxis] * GREY_SHARE_OF_BINARY * binary
     return np.hypot(from_noise[:, np.newaxis], cut_off)
+
+
+TILE_PX = 8
+"""Side of the tiles that a field is looked at by, in columns and in rows of the field: the light of a diode
+at the picture's edge covers a good part of one."""
+LARGEST_LEVEL = 255.0
+
+_LEAST_CONTRAST = 0.03
+"""Difference of the states as a share of full scale: two of a tile's 64 pixels at 1 bit."""
+_LEAST_DISTINCT = 0.8
+"""Mean distance from the middle of both states, in halves of their difference: of a mere slope it is .5."""
+_LEAST_CHANGES = 6
+_MOST_PLACES = 400
+_ALIKE = 0.9
+
+Levels = NDArray[np.float32]
+
+
+class FlashingPlace(NamedTuple):
+    """A place with two states.
+
+    Attributes:
+        x_px: Column of its middle, frame pixels; `y_px`: its frame line.
+        lit: (F,) True for the fields in which it is bright.
+        contrast: Difference of the states as a share of full scale.
+    """
+
+    x_px: float
+    y_px: float
+    lit: Mask
+    contrast: float
+
+
+def tile_levels(packed: PackedField) -> Levels:
+    """(rows / 8, columns / 8) mean grey value of every whole tile, as a share of full scale."""
+    luma = unpack(packed).luma
+    rows, columns = luma.shape[0] // TILE_PX, luma.shape[1] // TILE_PX
+    tiles = luma[: rows * TILE_PX, : columns * TILE_PX].reshape(rows, TILE_PX, columns, TILE_PX)
+    return tiles.mean(axis=(1, 3), dtype=np.float32) / np.float32(LARGEST_LEVEL)
+
+
+def flashing_places(levels: Levels, y_step: int) -> list[FlashingPlace]:
+    """Places that are either bright or dark, those with the greatest contrast first.
+
+    Args:
+        levels: (F, rows, columns) `tile_levels` of F fields, in their order.
+        y_step: Frame lines from row to row of the fields.
+    """
+    flat = levels.reshape(len(levels), -1)
+    dark, bright = np.percentile(flat, (5, 95), axis=0)
+    contrast, middle = bright - dark, (bright + dark) / 2
+    lit = flat > middle
+    distinct = np.abs(flat - middle).mean(axis=0) / np.maximum(contrast / 2, 1e-6)
+    changes = (lit[1:] != lit[:-1]).sum(axis=0)
+    good = (contrast >= _LEAST_CONTRAST) & (distinct >= _LEAST_DISTINCT) & (changes >= _LEAST_CHANGES)
+    order = np.flatnonzero(good)
+    order = order[np.argsort(-contrast[order], kind="stable")][:_MOST_PLACES]
+    return [_place(flat, int(tile), levels.shape[2], y_step) for tile in order]
+
+
+def _place(flat: Levels, tile: int, columns: int, y_step: int) -> FlashingPlace:
+    """A tile and those beside it that brighten with it: a light seldom lies within one."""
+    row, column = divmod(tile, columns)
+    rows, across = np.divmod(np.arange(flat.shape[1]), columns)
+    beside = np.flatnonzero((np.abs(rows - row) <= 1) & (np.abs(across - column) <= 1))
+    own = flat[:, tile] - flat[:, tile].mean()
+    others = flat[:, beside] - flat[:, beside].mean(axis=0)
+    norm = np.sqrt((others**2).sum(axis=0) * (own @ own))
+    alike = beside[(own @ others) >= _ALIKE * np.maximum(norm, 1e-9)]
+    level = flat[:, alike].sum(axis=1)
+    dark, bright = np.percentile(level, (5, 95))
+    weight = np.percentile(flat[:, alike], 95, axis=0) - np.percentile(flat[:, alike], 5, axis=0)
+    middle = TILE_PX * (np.array([across[alike], rows[alike]]) @ (weight / weight.sum()) + 0.5) - 0.5
+    lit = level > (dark + bright) / 2
+    return FlashingPlace(float(middle[0]), float(middle[1] * y_step), lit, float(bright - dark))

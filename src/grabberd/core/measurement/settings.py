@@ -45,8 +45,8 @@ class LocationSettings:
         line_jitter_px: Expected standard deviation of a field line's shift in x, frame pixels; 0 if lines do
             not shift.
         line_jitter_known: True if that is known well enough not to be estimated from each field.
-        line_shifts: True to solve for the shifts and their standard deviation. None does so with more than 1
-            bit, where it removes a third of the error in space; at 1 bit it removes a thirtieth.
+        line_shifts: False to leave the shifts alone. None and True take them away: at 1 bit as the middles of
+            rows tell them, with more bits solved for together with their standard deviation.
         locator: A locator from elsewhere, of the type `locators.Locator`; None takes the one of `method`.
 
     Raises:
@@ -97,10 +97,6 @@ class LocationSettings:
         if self.max_diameter_px is not None:
             least_px, most_px = min(least_px, self.max_diameter_px / 2), self.max_diameter_px
         return least_px if self.min_diameter_px is None else self.min_diameter_px, most_px
-
-    def solves_line_shifts(self, bits: int) -> bool:
-        """True if shifts are solved for in fields of so many bits."""
-        return bits > 1 if self.line_shifts is None else self.line_shifts
 
 
 ANY_DISC = LocationSettings(method="centroid", min_diameter_px=2.0, max_diameter_px=200.0, line_jitter_px=0.0)

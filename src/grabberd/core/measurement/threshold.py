@@ -15,6 +15,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from grabberd.core.arrays import Array
 from grabberd.core.field import Field, quantise
 from grabberd.core.measurement.labelling import by_component, find_runs, shapes_of
 from grabberd.core.measurement.locale import NOISES, Cuts, Entries, Posterior, likelihoods
@@ -22,12 +23,13 @@ from grabberd.core.measurement.locale_table import STEPS_X, STEPS_Y, Appearance,
 from grabberd.core.measurement.noise import Background, background_of
 from grabberd.errors import MeasurementError
 
-Array = NDArray[np.float64]
-
-FRACTIONS = (0.12, 0.16, 0.2, 0.24, 0.28, 0.33, 0.4, 0.5)
+FRACTIONS = (0.15, 0.18, 0.22, 0.26, 0.3, 0.36, 0.43, 0.5)
 """Candidate thresholds, in contrasts."""
-SIZES = (0.97, 1.03)
-"""Relative sizes over which the error is averaged, because targets of one picture differ."""
+SIZES = (0.92, 1.0, 1.08)
+"""Relative sizes over which the error is averaged: targets of one picture lean or stand nearer."""
+AS_GOOD = 1.045
+"""Factor on the least predicted error up to which the lowest threshold is taken: of equals it loses less of
+what leans or is dim."""
 PARALLAX = 3.0
 """Weight of an error in x relative to y: x carries the parallax, and most of the error is in depth."""
 EVERY_X, EVERY_Y = 2, 1
@@ -64,7 +66,10 @@ def best_fraction(scene: Scene, least: float = 0.0) -> float:
     noise = min(NOISES, key=lambda one: abs(math.log(one / max(scene.noise, 1e-6))))
     errors = _errors(scene._replace(noise=noise, target_px=round(5 * scene.target_px) / 5))
     allowed = [pair for pair in zip(errors, FRACTIONS, strict=True) if pair[1] >= least]
-    return min(allowed)[1] if allowed else max(least, FRACTIONS[-1])
+    if not allowed:
+        return max(least, FRACTIONS[-1])
+    enough = AS_GOOD * min(allowed)[0]
+    return next(fraction for error, fraction in allowed if error <= enough)
 
 
 @lru_cache(maxsize=32)

@@ -7,31 +7,21 @@ counts; `smoothing` filters points over time, `accuracy` and `length_errors` com
 `drift_check` with the calibration, `field_order` with one another.
 """
 
-from grabberd.core.reconstruction.correspondence.agreement import CorrespondenceSettings
-from grabberd.core.reconstruction.correspondence.correspondence import Correspondence, SingleViewSearch
-from grabberd.core.reconstruction.correspondence.displacement_field import Smoothness
-from grabberd.core.reconstruction.coverage import Coverage
-from grabberd.core.reconstruction.coverage_tally import CoverageTally
-from grabberd.core.reconstruction.intersection import intersect
-from grabberd.core.reconstruction.object_model import ObjectModel
-from grabberd.core.reconstruction.points import Points, SingleViewImages
-from grabberd.core.reconstruction.tracking import Track, Tracker, TrackingSettings
-from grabberd.core.reconstruction.view_blobs import ImageNoise, ViewBlobs
-
-__all__ = [
-    "Correspondence",
-    "CorrespondenceSettings",
-    "Coverage",
-    "CoverageTally",
-    "ImageNoise",
-    "ObjectModel",
-    "Points",
-    "SingleViewImages",
-    "SingleViewSearch",
-    "Smoothness",
-    "Track",
-    "Tracker",
-    "TrackingSettings",
-    "ViewBlobs",
-    "intersect",
-]
+from grabberd.core.reconstruction.correspondence.agreement import (
+    CorrespondenceSettings as CorrespondenceSettings,
+)
+from grabberd.core.reconstruction.correspondence.correspondence import Correspondence as Correspondence
+from grabberd.core.reconstruction.correspondence.correspondence import SingleViewSearch as SingleViewSearch
+from grabberd.core.reconstruction.correspondence.displacement_field import Smoothness as Smoothness
+from grabberd.core.reconstruction.coverage import Coverage as Coverage
+from grabberd.core.reconstruction.coverage_tally import CoverageTally as CoverageTally
+from grabberd.core.reconstruction.disc_centres import DiscCentres as DiscCentres
+from grabberd.core.reconstruction.object_model import ObjectModel as ObjectModel
+from grabberd.core.reconstruction.points import ImageNoise as ImageNoise
+from grabberd.core.reconstruction.points import Points as Points
+from grabberd.core.reconstruction.points import SingleViewImages as SingleViewImages
+from grabberd.core.reconstruction.points import ViewBlobs as ViewBlobs
+from grabberd.core.reconstruction.points import intersect as intersect
+from grabberd.core.reconstruction.tracking import Track as Track
+from grabberd.core.reconstruction.tracking import Tracker as Tracker
+from grabberd.core.reconstruction.tracking import TrackingSettings as TrackingSettings

@@ -11,9 +11,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from grabberd.core.arrays import Array, Mask
 from grabberd.core.reconstruction.points import Miss
 
-Array = NDArray[np.float64]
 Counts = NDArray[np.int64]
 
 CERTAIN = 3.0
@@ -29,6 +29,7 @@ class Coverage:
         expected: (M,) number of fields in which both views should see the target.
         misses: (M, len(Miss)) number of those fields by `Miss`; the first column counts those in which it was
             found.
+        unexpected: (M, len(Miss)) number of all other fields by the reason why a view could not show it.
         offset_mm: (M, 3) mean offset of the target from where its neighbours put it, by some of the fields;
             NaN if it was not seen in any of these.
         offset_sigma_mm: (M,) its standard deviation, in space; NaN if it is from fewer than two fields.
@@ -39,11 +40,13 @@ class Coverage:
         field_residual_px: (F,) root mean square image residual; NaN without points.
         residual_px: The same over all points; NaN without points.
         residual_sigma: In units of its expected standard deviation.
+        corrections: Number of the first field of each correction of the rig, and its document.
     """
 
     target: NDArray[np.int32]
     expected: Counts
     misses: Counts
+    unexpected: Counts
     offset_mm: Array
     offset_sigma_mm: Array
     looks: Counts
@@ -53,6 +56,7 @@ class Coverage:
     field_residual_px: Array
     residual_px: float
     residual_sigma: float
+    corrections: tuple[tuple[int, Mapping[str, Any]], ...] = ()
 
     @property
     def found(self) -> Counts:
@@ -84,7 +88,7 @@ class Coverage:
         return np.sqrt((self.offset_mm * self.offset_mm).sum(axis=1))
 
     @property
-    def displaced(self) -> NDArray[np.bool_]:
+    def displaced(self) -> Mask:
         """(M,) True for targets whose offset is certain: their place in the object file is wrong."""
         return self.distance_mm > CERTAIN * self.offset_sigma_mm
 
@@ -213,6 +217,8 @@ def _of_targets(coverage: Coverage) -> Iterator[Finding]:
     yield Finding(CoverageVerdict.GAPS, FindingCode.TARGETS_MISSED, values, miss)
 
 
+MOST_CORRECTIONS = 1000
+"""Corrections of the rig that a run lists."""
 WORST_FIELDS = 20
 """Number of fields listed, those of which least was found."""
 _DIGITS = 4
@@ -236,7 +242,17 @@ def coverage_document(coverage: Coverage, missing: int = 0) -> dict[str, Any]:
         "residual_sigma": known(coverage.residual_sigma),
         "targets": _targets(coverage),
         "worst_fields": _worst_fields(coverage),
+        **_corrections(coverage),
     }
+
+
+def _corrections(coverage: Coverage) -> dict[str, Any]:
+    """Corrections of the rig by marks; nothing for a run without marks."""
+    if not coverage.corrections:
+        return {}
+    # Those beyond are of a rig that is shaken all the time: their number says so.
+    kept = [{"n": n, **document} for n, document in coverage.corrections[:MOST_CORRECTIONS]]
+    return {"corrections": kept, "corrections_not_listed": len(coverage.corrections) - len(kept)}
 
 
 def _finding(one: Finding) -> dict[str, Any]:
@@ -247,11 +263,15 @@ def _finding(one: Finding) -> dict[str, Any]:
 
 def _targets(coverage: Coverage) -> dict[str, Any]:
     """Columns with an entry for each target; reasons that never occurred are left out."""
-    misses = {miss.key: coverage.misses[:, miss].tolist() for miss in Miss if coverage.misses[:, miss].any()}
+    misses, unexpected = (
+        {miss.key: of[:, miss].tolist() for miss in Miss if miss is not Miss.FOUND and of[:, miss].any()}
+        for of in (coverage.misses, coverage.unexpected)
+    )
     return {
         "target": coverage.target.tolist(),
         "expected": coverage.expected.tolist(),
-        "misses": {key: counts for key, counts in misses.items() if key != Miss.FOUND.key},
+        "misses": misses,
+        "unexpected": unexpected,
         "found": coverage.found.tolist(),
         "offset_mm": [_column(column) for column in coverage.offset_mm.T],
         "offset_sigma_mm": _column(coverage.offset_sigma_mm),
@@ -274,7 +294,7 @@ def _worst_fields(coverage: Coverage) -> list[dict[str, Any]]:
     ]
 
 
-def _column(values: NDArray[np.float64]) -> list[float | None]:
+def _column(values: Array) -> list[float | None]:
     return [known(value) for value in values.tolist()]
 
 
@@ -295,6 +315,7 @@ _OF_A_FIELD = {
     "not_identified": "no target of the object could be identified in the field",
     "cut_off": "the edge of the picture cuts it off",
     "unpredicted": "its neighbours were not seen, so that its place is unknown",
+    "taken": "the blob where it is predicted is that of a neighbour",
 }
 _OF_A_RUN = {
     "no_blob_left": "the left view shows too few blobs; look at its light, mirror and threshold",
@@ -306,6 +327,8 @@ _OF_A_RUN = {
     "not_identified": "the blobs do not agree with the object file; is it that of this object?",
     "cut_off": "the edge of the picture cuts them off",
     "unpredicted": "too few of their neighbours were seen",
+    "taken": "the blobs where they are predicted are those of neighbours: the object file does not fit the "
+    "object, or discs stand too close together",
 }
 
 

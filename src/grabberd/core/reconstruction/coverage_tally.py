@@ -6,22 +6,22 @@ twice a second: which targets face both views, and which stand off the places wh
 """
 
 from array import array
-from typing import NamedTuple, Protocol
+from collections.abc import Mapping
+from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
+from grabberd.core.arrays import Array, Indices, Mask
 from grabberd.core.geometry import Calibration, Rig, project_all
 from grabberd.core.reconstruction.correspondence.agreement import Sighting
 from grabberd.core.reconstruction.correspondence.correspondence import Correspondence
+from grabberd.core.reconstruction.correspondence.facing import Facing
 from grabberd.core.reconstruction.coverage import Coverage
-from grabberd.core.reconstruction.facing import Facing
 from grabberd.core.reconstruction.object_model import ObjectModel
-from grabberd.core.reconstruction.points import Miss, Points
+from grabberd.core.reconstruction.points import Miss, Points, ViewBlobs
 from grabberd.core.reconstruction.tracking import Track
-from grabberd.core.reconstruction.view_blobs import ViewBlobs
 
-Indices = NDArray[np.intp]
 BothViews = tuple[ViewBlobs, ViewBlobs]
 MOST_AT_ONCE = 25
 """Half a second."""
@@ -106,8 +106,9 @@ class Batch:
             self.misses[at] = Miss.NOT_IDENTIFIED
             self.lost.append((at, *field.counts))
         else:
-            self.misses[at] = misses
-            self.misses[at, field.unconfirmed] = Miss.UNCONFIRMED
+            own, unconfirmed = self.misses[at], field.unconfirmed
+            own[:] = misses
+            own[unconfirmed] = np.where(own[unconfirmed] == Miss.FOUND, Miss.UNCONFIRMED, own[unconfirmed])
 
     def take(self) -> tuple[NDArray[np.int64], list[tuple[int, int, int]]]:
         """Take the misses (B, M) and the rows of lost fields, and make room."""
@@ -116,9 +117,7 @@ class Batch:
         return taken
 
 
-Array = NDArray[np.float64]
 Counts = NDArray[np.int64]
-Mask = NDArray[np.bool_]
 
 _REACH = 0.5
 """Share of the pitch within which blobs are sought: beyond, they belong to a neighbour."""
@@ -159,7 +158,7 @@ class Offsets:
     @staticmethod
     def _further(
         places_mm: Array, missed: Mask, blobs: tuple[ViewBlobs, ViewBlobs], correspondence: Correspondence
-    ) -> tuple[NDArray[np.intp], Array]:
+    ) -> tuple[Indices, Array]:
         agreement = correspondence.agreement
         wide_mm = min(_REACH * agreement.pitch_mm, agreement.settings.farthest_mm) / agreement.settings.gate
         target, xyz_mm = correspondence.meeting(places_mm, np.full(len(places_mm), wide_mm), *blobs)
@@ -206,16 +205,18 @@ class CoverageTally:
         self._facing = Facing(rig, model)
         # Where nothing is tracked, the object file alone says what should be seen.
         nominal_px = project_all(rig, model.xyz_mm).transpose(1, 2, 0)
-        self._nominal = self._visible = self._facing.both(model.xyz_mm) & self._within(nominal_px, 0.0)
+        self._nominal_inside = self._inside = self._within(nominal_px, 0.0)
+        self._nominal = self._visible = self._facing.both(model.xyz_mm) & self._inside
         self._batch = Batch(len(model))
         self._last: tuple[FieldSeen, Correspondence] | None = None
         self._lost: BothViews | None = None
         self._meet: bool | None = None
-        self._counts = np.zeros(len(Miss) * len(model), np.int64)
+        self._counts, self._unexpected = np.zeros((2, len(Miss) * len(model)), np.int64)
         self._offsets = Offsets(len(model))
         self._n, self._field_expected, self._field_found = array("q"), array("q"), array("q")
         self._square_px2, self._points = array("d"), array("q")
         self._variances_px2 = array("d")
+        self._corrections: list[tuple[int, Mapping[str, Any]]] = []
 
     def add(self, n: int, field: FieldSeen, correspondence: Correspondence) -> None:
         """Count a field.
@@ -239,6 +240,10 @@ class CoverageTally:
             if track.sighting is not None:
                 self._look(track.sighting, field.halves, correspondence)
 
+    def correct(self, n: int, correction: Mapping[str, Any]) -> None:
+        """Note a correction of the rig from field `n` on, as its document."""
+        self._corrections.append((n, correction))
+
     def _note_lost(self, field: FieldSeen) -> None:
         """Keep the blobs of a field in which nothing was identified, if both views show any."""
         if min(field.counts):
@@ -260,6 +265,7 @@ class CoverageTally:
             target=self._model.target,
             expected=misses.sum(axis=1),
             misses=misses,
+            unexpected=self._unexpected.reshape(len(Miss), -1).T.copy(),
             offset_mm=self._offsets.mean_mm,
             offset_sigma_mm=self._offsets.sigma_mm,
             looks=self._offsets.looks.copy(),
@@ -269,6 +275,7 @@ class CoverageTally:
             field_residual_px=field_residual_px,
             residual_px=residual_px,
             residual_sigma=residual_px / typical_px,
+            corrections=tuple(self._corrections),
         )
 
     def _reasoned(self, misses: Counts) -> Counts:
@@ -283,33 +290,40 @@ class CoverageTally:
     def _count(self, track: Track, correspondence: Correspondence) -> None:
         misses, lost = self._batch.take()
         self._meet = None
-        visible = self._nominal
+        visible, inside = self._nominal, self._nominal_inside
         if track.sighting is not None:
             # Those that turn away or leave meanwhile are not expected: how long they were seen is not known.
             before, self._visible = self._visible, self._seen(track, track.sighting)
-            visible = before & self._visible
+            visible, inside = before & self._visible, self._inside
             self._refine(misses, track.sighting, correspondence)
         for at, *number in lost:
             misses[at] = self._of_lost(number, correspondence)
         found = misses == Miss.FOUND
-        missed = ~found & visible
-        if lost:
-            rows = [at for at, *_ in lost]
-            missed[rows] = self._nominal
+        expected = np.broadcast_to(visible, found.shape) & (misses < Miss.CROWDED)
+        rows = [at for at, *_ in lost]
+        expected[rows] = self._nominal
+        missed = ~found & expected
         per_field = found.sum(axis=1)
         self._field_found.extend(per_field.tolist())
         self._field_expected.extend((per_field + missed.sum(axis=1)).tolist())
         self._counts[: len(self._model)] += found.sum(axis=0)
-        field, target = np.nonzero(missed)
-        of_target = misses[field, target] * len(self._model) + target
-        self._counts += np.bincount(of_target, minlength=len(self._counts))
+        self._add(self._counts, missed, misses)
+        why = np.where(inside, int(Miss.TURNED_AWAY), int(Miss.OUTSIDE))
+        self._add(self._unexpected, ~found & ~expected, np.where(misses < Miss.CROWDED, why, misses))
+
+    @staticmethod
+    def _add(counts: Counts, chosen: Mask, misses: Counts) -> None:
+        field, target = np.nonzero(chosen)
+        of_target = misses[field, target] * chosen.shape[1] + target
+        counts += np.bincount(of_target, minlength=len(counts))
 
     def _seen(self, track: Track, sighting: Sighting) -> Mask:
         """(M,) True for targets that both views see now, found or not."""
         assert sighting.predicted_px is not None
         sigma_mm = sighting.expected.sigma_mm.copy()
         sigma_mm[sighting.target] = 0.0
-        return self._facing.both(track.xyz_mm, sigma_mm) & self._within(sighting.predicted_px, 0.0)
+        self._inside = self._within(sighting.predicted_px, 0.0)
+        return self._facing.both(track.xyz_mm, sigma_mm) & self._inside
 
     def _refine(self, misses: Counts, sighting: Sighting, correspondence: Correspondence) -> None:
         """Say why no blob was near the predicted image, where that is known better."""
@@ -335,7 +349,7 @@ class CoverageTally:
 
     def _look(self, sighting: Sighting, blobs: BothViews, correspondence: Correspondence) -> None:
         assert sighting.misses is not None
-        missed = self._visible & (sighting.misses != Miss.FOUND)
+        missed = self._visible & (sighting.misses != Miss.FOUND) & (sighting.misses < Miss.CROWDED)
         self._offsets.look(sighting, missed, blobs, correspondence)
         unmodelled_px = correspondence.settings.unmodelled_px
         located = sum(float(np.mean(view.sigma_px[:, 1] ** 2)) for view in blobs)

@@ -10,18 +10,16 @@ two views give on their calibration. Anything that moves the images along these 
 like a point at another position.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import StrEnum
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from grabberd.core.arrays import Array, Indices
 from grabberd.core.geometry import Rig, linearise, parameter_slopes
 from grabberd.core.reconstruction.object_model import ObjectModel
 from grabberd.core.reconstruction.points import Points
-
-Array = NDArray[np.float64]
 
 WINDOW = 25
 """Number of fields evaluated together: half a second."""
@@ -44,11 +42,44 @@ class RigVerdict(StrEnum):
     """Agreement of the rig with its calibration."""
 
     FITS = "fits"
+    CORRECTED = "corrected"
+    """It has moved, and marks on the cup have shown by how much: that is taken off the images."""
     DOUBTFUL = "doubtful"
     MOVED = "moved"
     UNMATCHED = "unmatched"
     """Targets are seen in both views, but this calibration identifies almost none of them."""
     UNKNOWN = "unknown"
+
+
+class MarkState(StrEnum):
+    """State of the marks of a view."""
+
+    AT_REST = "at_rest"
+    CORRECTED = "corrected"
+    MOVING = "moving"
+    """Moved, and not at rest yet: the correction waits."""
+    HIDDEN = "hidden"
+    """Fewer than two marks are seen."""
+    CONTRADICTORY = "contradictory"
+    """They do not move as one: marks have come off, or are dirty."""
+    UNKNOWN = "unknown"
+    """There are no marks, too few of them, or not enough fields yet."""
+
+
+class ViewMarks(NamedTuple):
+    """Marks of one view, in short.
+
+    Attributes:
+        state: What they say.
+        marks: Number of marks used.
+        size_px: Root mean square over the view of the movement that is taken off; 0 if none is.
+        sigma_px: Of its standard deviation.
+    """
+
+    state: MarkState
+    marks: int
+    size_px: float
+    sigma_px: float
 
 
 @dataclass(frozen=True, slots=True)
@@ -64,6 +95,7 @@ class RigFit:
         residual_px: (2, 2) root mean square of the image residuals: view, (x, y).
         targets: Number of targets used.
         fields: Number of fields used.
+        marks: Of the left and the right view; None for a calibration that has learnt no marks.
     """
 
     verdict: RigVerdict
@@ -73,6 +105,35 @@ class RigFit:
     residual_px: Array
     targets: int
     fields: int
+    marks: tuple[ViewMarks, ViewMarks] | None = None
+
+    def with_marks(self, marks: tuple[ViewMarks, ViewMarks] | None) -> "RigFit":
+        """The same with what the marks show, which the targets' parallaxes alone do not."""
+        if marks is None:
+            return self
+        verdict = self.verdict
+        if verdict in (RigVerdict.FITS, RigVerdict.UNKNOWN):
+            verdict = _verdict_of(marks, verdict)
+        return replace(self, verdict=verdict, marks=marks)
+
+
+_DOUBTFUL_STATES = (MarkState.MOVING, MarkState.CONTRADICTORY)
+_FEW_MARKS = 2
+MOST_CORRECTED_PX = 3.0
+"""Beyond, what moves an image by the depth of its target no longer is small."""
+
+
+def _verdict_of(marks: tuple[ViewMarks, ViewMarks], otherwise: RigVerdict) -> RigVerdict:
+    """Verdict by the marks alone, where the parallaxes show nothing wrong."""
+    states = [one.state for one in marks]
+    largest_px = max(one.size_px for one in marks)
+    if any(state in _DOUBTFUL_STATES for state in states) or largest_px > MOST_CORRECTED_PX:
+        return RigVerdict.DOUBTFUL
+    if largest_px > 0.0:
+        # Two marks do not show that one of them has slid about the other: the targets' parallaxes do.
+        of_two = any(one.size_px > 0.0 and one.marks <= _FEW_MARKS for one in marks)
+        return RigVerdict.DOUBTFUL if of_two and otherwise is RigVerdict.UNKNOWN else RigVerdict.CORRECTED
+    return RigVerdict.FITS if all(state is MarkState.AT_REST for state in states) else otherwise
 
 
 class _Pattern(NamedTuple):
@@ -117,7 +178,7 @@ class DriftCheck:
         pattern = self._pattern(seen, median, sigma)
         return RigFit(_verdict(pattern), *pattern, residual, len(seen), fields)
 
-    def _pattern(self, seen: NDArray[np.intp], median_px: Array, sigma_px: Array) -> _Pattern:
+    def _pattern(self, seen: Indices, median_px: Array, sigma_px: Array) -> _Pattern:
         terms = _terms(self._image_px[seen])
         fitted, covariance = _fitted(terms, median_px, np.hypot(sigma_px, UNMODELLED_PX))
         xyz_mm = self._model.xyz_mm[seen]
@@ -144,7 +205,7 @@ def _medians(values: Array) -> tuple[Array, Array]:
     return median, 1.2533 * spread / np.sqrt(count)
 
 
-def _median(values: Array, count: NDArray[np.intp]) -> Array:
+def _median(values: Array, count: Indices) -> Array:
     """Median of the `count` numbers in every column; sorting puts NaN last."""
     return np.sort(values, axis=0)[count // 2, np.arange(values.shape[1])]
 

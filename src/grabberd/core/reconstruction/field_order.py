@@ -25,9 +25,8 @@ from enum import StrEnum
 import numpy as np
 from numpy.typing import NDArray
 
+from grabberd.core.arrays import Array, Indices, Mask
 from grabberd.core.reconstruction.points import Points
-
-Array = NDArray[np.float64]
 
 BLOCK = 100
 """Fields evaluated together, two seconds: within them the offset between the parities is constant."""
@@ -223,14 +222,14 @@ class FieldOrderCheck:
         return self._xyz_mm[REACH + offset : len(self._xyz_mm) - REACH + offset]
 
 
-def _is_moving(around: Array, variance_mm2: Array) -> NDArray[np.bool_]:
+def _is_moving(around: Array, variance_mm2: Array) -> Mask:
     """(F, T) True where the velocity is clear of its noise."""
     velocity = np.tensordot(_SLOPE, around, 1)
     clear = np.maximum(LEAST_MM**2, CLEAR_OF_NOISE**2 * _VELOCITY_VARIANCE * variance_mm2)
     return _squared(velocity) > clear
 
 
-def _is_smooth(around: Array, place: Array, variance_mm2: Array) -> NDArray[np.bool_]:
+def _is_smooth(around: Array, place: Array, variance_mm2: Array) -> Mask:
     """(K,) True where the places are known and allow interpolation."""
     third, first = (
         _squared(np.tensordot(stencils, around, 1)).max(axis=0) for stencils in (_THIRDS, _FIRSTS)
@@ -246,9 +245,9 @@ _EVIDENCE = ("product", "square", "targets")
 def _evidence(
     around: Array,
     place: Array,
-    even: NDArray[np.bool_],
-    field: NDArray[np.intp],
-    target: NDArray[np.intp],
+    even: Mask,
+    field: Indices,
+    target: Indices,
 ) -> Array:
     """(fields with movement, 3, 5) sums over the moving targets of each field.
 
@@ -277,7 +276,7 @@ def _squared(vectors: Array) -> Array:
     return np.square(vectors).sum(axis=-1)
 
 
-def _without_means(vectors: Array, target: NDArray[np.intp]) -> Array:
+def _without_means(vectors: Array, target: Indices) -> Array:
     """Subtract each target's mean from (5, K, 3)."""
     sums = np.zeros((target.max() + 1, len(vectors), 3))
     np.add.at(sums, target, vectors.transpose(1, 0, 2))

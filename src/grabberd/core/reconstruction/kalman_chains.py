@@ -10,9 +10,8 @@ from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from grabberd.core.arrays import Array
 
 _STATES = 4
 _MOST_SURPRISE = 25.0

@@ -2,13 +2,14 @@
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from types import MappingProxyType
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from grabberd.core.arrays import Array, Indices
 from grabberd.core.geometry import Reading
 from grabberd.core.geometry.document_reader import is_integer, told_once
 
@@ -51,6 +52,13 @@ KEYS: Mapping[str, FileKey] = MappingProxyType(
             "true",
             "Whether a target marks the same point of the surface in all fields; `false` for projected ones.",
         ),
+        "normal": FileKey(
+            "three numbers",
+            "",
+            "that of the surface which the grid forms; a calibration frame's: [0, 0, 1]",
+            "Direction in which all discs face, X, Y and Z, where they do not lie flat in their grid's "
+            "surface, as on a stepped frame: no view sees a disc's centre in the middle of its picture.",
+        ),
         "targets": FileKey("list", "", None, "The targets, one or more, in any order."),
     }
 )
@@ -77,6 +85,8 @@ TARGET_KEYS: Mapping[str, FileKey] = MappingProxyType(
     }
 )
 """Keys of a target."""
+FACING = (0.0, 0.0, 1.0)
+"""Normal of a calibration frame's discs that states none: they face the cameras."""
 _OWN_SIGMA = "sigma_mm"
 _PLACE_KEYS = tuple(key for key in TARGET_KEYS if key != _OWN_SIGMA)
 _HINT = "fix the file; every target needs its own id and its own grid position"
@@ -110,17 +120,19 @@ class ObjectModel:
             or if ids are reassigned.
         own_sigma_mm: (N,) standard deviations of the targets that have one of their own, NaN for the others;
             None if no target has.
+        normal: Direction in which all discs face, in the object's frame; None where it is not stated.
     """
 
     name: str
     target: NDArray[np.int32]
-    xyz_mm: NDArray[np.float64]
+    xyz_mm: Array
     row: NDArray[np.int32]
     column: NDArray[np.int32]
     target_diameter_mm: float
     sigma_mm: float
     homologous: bool = True
-    own_sigma_mm: NDArray[np.float64] | None = None
+    own_sigma_mm: Array | None = None
+    normal: tuple[float, float, float] | None = None
 
     def __len__(self) -> int:
         return len(self.target)
@@ -150,6 +162,7 @@ class ObjectModel:
         targets = _targets(reading, document.get("targets"))
         _check_unique(reading, "id", targets, lambda target: (target.id,))
         _check_unique(reading, "row, column", targets, lambda target: (target.row, target.column))
+        normal = _normal(reading, document.get("normal"))
         reading.finish(_HINT)
         columns = tuple(zip(*sorted(targets), strict=True))
         return cls(
@@ -162,16 +175,38 @@ class ObjectModel:
             sigma_mm=sigma,
             homologous=bool(homologous),
             own_sigma_mm=None if np.isnan(columns[6]).all() else np.array(columns[6], np.float64),
+            normal=normal,
         )
 
     @property
-    def target_sigma_mm(self) -> NDArray[np.float64]:
+    def target_sigma_mm(self) -> Array:
         """(N,) standard deviation of each nominal position: its own, or else that of all."""
         if self.own_sigma_mm is None:
             return np.full(len(self), self.sigma_mm)
         return np.where(np.isnan(self.own_sigma_mm), self.sigma_mm, self.own_sigma_mm)
 
-    def neighbours(self) -> NDArray[np.intp]:
+    def select(self, index: Indices) -> "ObjectModel":
+        """Some of the targets, by their indices, ascending."""
+        own = None if self.own_sigma_mm is None else self.own_sigma_mm[index]
+        return replace(
+            self,
+            target=self.target[index],
+            xyz_mm=self.xyz_mm[index],
+            row=self.row[index],
+            column=self.column[index],
+            own_sigma_mm=own,
+        )
+
+    def with_target(self, xyz_mm: Array) -> "ObjectModel":
+        """Add a target at a place (3,), with a row and column of its own."""
+        own = None if self.own_sigma_mm is None else np.append(self.own_sigma_mm, np.nan)
+        target, row, column = (
+            np.append(one, one.max() + 1).astype(np.int32) for one in (self.target, self.row, self.column)
+        )
+        places = np.vstack([self.xyz_mm, xyz_mm])
+        return replace(self, target=target, xyz_mm=places, row=row, column=column, own_sigma_mm=own)
+
+    def neighbours(self) -> Indices:
         """(K, 2) indices of pairs of neighbours on the grid, each pair once, sorted.
 
         Neighbours are targets of the same row in adjacent columns, or of the same column in adjacent rows.
@@ -184,6 +219,15 @@ class ObjectModel:
             if beside in index_at
         ]
         return np.array(sorted(pairs), np.intp).reshape(-1, 2)
+
+
+def _normal(reading: Reading, value: object) -> tuple[float, float, float] | None:
+    if value is None:
+        return None
+    x, y, z = reading.numbers(value, "normal", (3,)).tolist()
+    if not (x or y or z) and not reading.problems:
+        reading.refuse("normal", value, "three numbers that are not all 0")
+    return x, y, z
 
 
 def _targets(reading: Reading, entries: object) -> list[_Target]:

@@ -11,15 +11,13 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from grabberd.core.arrays import Array, Mask
 from grabberd.core.geometry import Rig
 from grabberd.core.reconstruction.correspondence.agreement import CorrespondenceSettings, Sighting
 from grabberd.core.reconstruction.correspondence.correspondence import Correspondence
 from grabberd.core.reconstruction.object_model import ObjectModel
-from grabberd.core.reconstruction.points import Points
-from grabberd.core.reconstruction.view_blobs import ImageNoise, ViewBlobs
+from grabberd.core.reconstruction.points import ImageNoise, Miss, Points, ViewBlobs
 
-Array = NDArray[np.float64]
-Mask = NDArray[np.bool_]
 _VAGUE = 0.1
 """Share of the pitch beyond which the uncertainty of a target's movement makes a prediction vague."""
 _CLEARLY = 1.05
@@ -166,13 +164,11 @@ class Tracker:
         if elapsed_s <= self.settings.longest_gap_s:
             sighting = self._follow(track, left, right, elapsed_s)
             if len(sighting) >= max(fewest, self.settings.least_share * track.found):
-                points, believed = sighting.points, self._believed(track, sighting)
-                if not believed.all():
-                    points = points.select(believed)
+                points = _reported(sighting, self._believed(track, sighting))
                 return self._continued(track, sighting, unseen_s, elapsed_s), points
         sighting = self.correspondence.identify(left, right)
         if len(sighting) >= fewest:
-            return self._begun(sighting, unseen_s, dt_s), sighting.points
+            return self._begun(sighting, unseen_s, dt_s), _reported(sighting, _in_place(sighting))
         return replace(track, unseen_s=unseen_s, age_s=elapsed_s, sighting=None), Points.none()
 
     def _believed(self, track: Track, sighting: Sighting) -> Mask:
@@ -181,7 +177,8 @@ class Tracker:
         Any other may be a false blob in the wide gate of a poorly predicted target; two in a row are not.
         """
         lately = track.unseen_s[sighting.target] <= self.settings.longest_gap_s
-        return lately | (sighting.expected.sigma_mm[sighting.target] <= self.limits.firm_mm)
+        predicted = sighting.expected.sigma_mm[sighting.target] <= self.limits.firm_mm
+        return (lately | predicted) & _in_place(sighting)
 
     def _follow(self, track: Track, left: ViewBlobs, right: ViewBlobs, elapsed_s: float) -> Sighting:
         """Search where the targets have moved to; again where those found predict the rest, if that was vague
@@ -257,6 +254,17 @@ class Tracker:
         depth = np.sqrt(np.diagonal(sighting.points.covariance_mm2, axis1=1, axis2=2).max(axis=1))
         sigma[sighting.target] = np.minimum(sigma[sighting.target], depth)
         return sigma
+
+
+def _in_place(sighting: Sighting) -> Mask:
+    """(K,) True for targets whose images nothing draws from their places."""
+    if sighting.misses is None:
+        return np.ones(len(sighting), np.bool_)
+    return sighting.misses[sighting.target] == Miss.FOUND
+
+
+def _reported(sighting: Sighting, believed: Mask) -> Points:
+    return sighting.points if believed.all() else sighting.points.select(believed)
 
 
 def _unsteady_s(elapsed_s: float) -> float:

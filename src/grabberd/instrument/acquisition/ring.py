@@ -1,6 +1,5 @@
 """Ring of packed fields between the capture thread and its readers (paper 3.4: 32 slots)."""
 
-import threading
 import weakref
 from collections import deque
 from collections.abc import Iterable, Iterator
@@ -8,6 +7,7 @@ from enum import StrEnum
 from itertools import chain
 from typing import NamedTuple, Self
 
+from grabberd import runtime
 from grabberd.core.ledger import LedgerEntry, LedgerEvent, Outcome, Slot
 from grabberd.errors import RingOverrun
 
@@ -60,7 +60,7 @@ class Ring:
         self._head = 0
         self._first_n: int | None = None
         self._closed = False
-        self._changed = threading.Condition(threading.Lock())
+        self._changed = runtime.condition(runtime.lock())
 
     def put(self, slot: Slot) -> None:
         """Append a slot, overwriting the oldest if the ring is full, and wake the readers."""

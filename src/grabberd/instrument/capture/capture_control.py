@@ -8,10 +8,11 @@ from grabberd.archive.capture.schema import part_path
 from grabberd.archive.catalogue.archive import Archive
 from grabberd.archive.state.state_database import AnnotationStore
 from grabberd.clock import UtcClock
-from grabberd.documents.captures import CaptureDocument, CaptureGroup
+from grabberd.documents.captures import CaptureDocument, CaptureGroup, GroupDocument
+from grabberd.documents.requests import CaptureRequest
 from grabberd.errors import Conflict, NotFound
 from grabberd.instrument.capture import capture_start
-from grabberd.instrument.capture.capture_request import ArmedCapture, CaptureRequest, Group, NewCapture
+from grabberd.instrument.capture.capture_request import ArmedCapture, NewCapture
 from grabberd.instrument.capture.capture_start import CaptureStart
 from grabberd.instrument.capture.device_captures import CurrentCaptures, of_device
 from grabberd.instrument.capture.recording import Recording
@@ -42,14 +43,6 @@ class CaptureControl:
         self._archive = archive
         self._annotations = annotations
         self._clock = clock
-
-    def rate_hz(self, device: str | None) -> float:
-        """Fields per second of a device, whose name may be None if there is only one.
-
-        Raises:
-            NotFound: There is no such device.
-        """
-        return of_device(self._current.devices, device).pipeline.rate_hz
 
     def start(self, device: str | None, request: CaptureRequest) -> CaptureDocument:
         """Starts a capture and returns its document.
@@ -188,16 +181,15 @@ class CaptureControl:
                 yield self._archive.document(capture_id)
 
     def _single(self, device: str | None, request: CaptureRequest) -> CaptureStart:
-        name = of_device(self._current.devices, device).name
-        return self._capture_start(name, f"{self._stamp()}-{name}", request)
+        chosen = of_device(self._current.devices, device)
+        request = request.of_rate(chosen.pipeline.rate_hz)
+        return self._capture_start(chosen.name, f"{self._stamp()}-{chosen.name}", request)
 
-    def _group(self, requests: Mapping[str, CaptureRequest]) -> tuple[Group, list[CaptureStart]]:
-        known = self._current.devices
-        if unknown := [name for name in requests if name not in known]:
-            raise NotFound(f"no device {', '.join(map(repr, unknown))}", f"name some of: {', '.join(known)}")
-        group = Group(self._stamp(), tuple(requests))
+    def _group(self, requests: Mapping[str, CaptureRequest]) -> tuple[GroupDocument, list[CaptureStart]]:
+        rates_hz = {name: of_device(self._current.devices, name).pipeline.rate_hz for name in requests}
+        group = _group_of(self._stamp(), requests)
         starts = [
-            self._capture_start(name, f"{group.id}-{name}", request, group)
+            self._capture_start(name, f"{group.id}-{name}", request.of_rate(rates_hz[name]), group)
             for name, request in requests.items()
         ]
         return group, starts
@@ -207,7 +199,7 @@ class CaptureControl:
         device: str,
         capture_id: str,
         request: CaptureRequest,
-        group: Group | None = None,
+        group: GroupDocument | None = None,
         armed_utc: str | None = None,
     ) -> CaptureStart:
         # First: nothing may be recorded into a folder that has replaced the right one.
@@ -218,10 +210,14 @@ class CaptureControl:
 
     def _trigger(self, armed: list[ArmedCapture]) -> None:
         # If other captures of the group were disarmed, the file names the remaining ones.
-        devices = tuple(one.device for one in armed)
+        devices = [one.document.device for one in armed]
         starts = [
             self._capture_start(
-                one.device, one.id, one.request, one.group and Group(one.group.id, devices), one.armed_utc
+                one.document.device,
+                one.id,
+                one.request,
+                one.group and _group_of(one.group.id, devices),
+                one.document.created_utc,
             )
             for one in armed
         ]
@@ -231,7 +227,7 @@ class CaptureControl:
         for recording in recordings:
             recording.stop(STOPPED)
         for one in armed:
-            self._current.devices[one.device].disarm(one.id)
+            self._current.devices[one.document.device].disarm(one.id)
             self._annotations.remove(one.id)
 
     def _stamp(self) -> str:
@@ -240,6 +236,11 @@ class CaptureControl:
         while self._current.armed(_stamped(moment)) or self._current.recordings(_stamped(moment)):
             moment += timedelta(milliseconds=1)
         return _stamped(moment)
+
+
+def _group_of(group_id: str, devices: Iterable[str]) -> GroupDocument:
+    """A group that has not started yet."""
+    return GroupDocument(id=group_id, devices=list(devices), start_utc=None, start_ns=None)
 
 
 def _stamped(moment: datetime) -> str:

@@ -4,23 +4,22 @@ All captures of a group start at the same moment, or none does; a single capture
 """
 
 from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import ThreadPoolExecutor
 from contextlib import ExitStack, contextmanager
 from dataclasses import asdict, replace
 
-from grabberd import __version__
+from grabberd import __version__, runtime
 from grabberd.archive.capture.meta import CaptureMeta
 from grabberd.archive.capture.writer import CaptureWriter
+from grabberd.archive.catalogue.capture_documents import document_without_fields
 from grabberd.clock import Moment, boot_id, iso_utc
 from grabberd.core.ledger import Slot
 from grabberd.errors import GrabberdError, GroupRefused, InputError, NotReady
 from grabberd.instrument.acquisition import Signal
 from grabberd.instrument.capture.capture_request import ArmedCapture, NewCapture
 from grabberd.instrument.capture.device_captures import CurrentCaptures, DeviceCaptures
-from grabberd.instrument.capture.edges import Begin, fields_before
-from grabberd.instrument.capture.recorder import Backlog, Recorder
+from grabberd.instrument.capture.recorder import Backlog, Begin, Recorder, fields_before
 from grabberd.instrument.capture.recording import LIVE_RUN, Recording
-from grabberd.instrument.channels.channel_recording import ChannelRecording
+from grabberd.instrument.channels.feed import ChannelRecording
 
 
 class CaptureStart:
@@ -99,16 +98,19 @@ class CaptureStart:
     def arm(self, armed_utc: str) -> ArmedCapture:
         """Keeps the ring as it is until the trigger."""
         pipeline = self.device.pipeline
-        armed = self.device.armed = ArmedCapture(
-            self.new.id,
-            self.device.name,
-            armed_utc,
-            self.new.request,
-            pipeline.ring.bits,
-            None if pipeline.is_progressive else pipeline.ring.lines,
-            self.device.pipeline.rate_hz,
-            self.new.group,
+        document = document_without_fields(
+            id=self.new.id,
+            device=self.device.name,
+            state="armed",
+            created_utc=armed_utc,
+            group=self.new.group,
+            bits=pipeline.ring.bits,
+            lines=None if pipeline.is_progressive else pipeline.ring.lines,
+            rate_hz=pipeline.rate_hz,
+            labels=self.new.request.labels,
+            note=self.new.request.note,
         )
+        armed = self.device.armed = ArmedCapture(document, self.new.request)
         return armed
 
     def record(self, start: Moment) -> None:
@@ -146,11 +148,12 @@ class CaptureStart:
         meta = self._meta(start)
         channels = self._channels.channels if self._channels else ()
         writer = CaptureWriter.create(self.new.part, meta, channels=channels)
-        if self._channels is not None:
-            writer.keep_account(self._channels.account)
-        if setup.measuring is not None:
-            made_utc = iso_utc(self.device.clock.utc_now())
-            writer.begin_run(LIVE_RUN, "live", made_utc, __version__, setup.made_with)
+        with writer.discarded_if_it_fails():
+            if self._channels is not None:
+                writer.keep_account(self._channels.account)
+            if setup.measuring is not None:
+                made_utc = iso_utc(self.device.clock.utc_now())
+                writer.begin_run(LIVE_RUN, "live", made_utc, __version__, setup.made_with)
         self._recording = Recording(
             self.new,
             self._recorder,
@@ -177,7 +180,8 @@ class CaptureStart:
         self.recording.start()
 
     def _meta(self, start: Moment) -> CaptureMeta:
-        device, request, group = self.device, self.new.request, self.new.group
+        device, request = self.device, self.new.request
+        started = {"start_utc": start.utc, "start_ns": start.ns}
         config, stream, ring = device.setup.config, device.stream, device.pipeline.ring
         return CaptureMeta(
             id=self.new.id,
@@ -207,7 +211,7 @@ class CaptureStart:
                 },
                 "on_interruption": request.on_interruption or config.capture.on_interruption,
                 "trigger": {"utc": start.utc, "n": self._back_fields, "armed_utc": self.new.armed_utc},
-                "group": None if group is None else group.document(start).model_dump(),
+                "group": self.new.group and {**self.new.group.model_dump(), **started},
             },
         )
 
@@ -321,7 +325,7 @@ def _each(starts: Sequence[CaptureStart], step: Callable[[CaptureStart], None]) 
     if len(starts) == 1:
         step(starts[0])
         return
-    with ThreadPoolExecutor(len(starts), "capture-start") as pool:
+    with runtime.pool(len(starts), "capture-start") as pool:
         errors = list(pool.map(attempt, starts))
     refusals = {one.device.name: error for one, error in zip(starts, errors, strict=True) if error}
     if refusals:

@@ -1,11 +1,11 @@
 """The captures of one device, and of all devices, and whether more may start."""
 
-import threading
 from collections import Counter
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import TypeVar
 
+from grabberd import runtime
 from grabberd.archive.catalogue.disk_guard import DiskGuard, bytes_per_field
 from grabberd.archive.measure_setups import misfit
 from grabberd.clock import UtcClock
@@ -54,12 +54,12 @@ class DeviceCaptures:
     queue_s: float
     on_sealed: Callable[[Recording], None]
     loggers: Loggers
-    lock: threading.Lock = field(init=False, default_factory=threading.Lock)
+    lock: runtime.Lock = field(init=False, default_factory=runtime.lock)
     recording: Recording | None = field(init=False, default=None)
     armed: ArmedCapture | None = field(init=False, default=None)
     ended: Counter[str] = field(init=False, default_factory=Counter)
     measured: Counter[str] = field(init=False, default_factory=Counter)
-    _counting: threading.Lock = field(init=False, default_factory=threading.Lock)
+    _counting: runtime.Lock = field(init=False, default_factory=runtime.lock)
 
     @property
     def name(self) -> str:

@@ -1,12 +1,11 @@
 """A running capture, from its first field to its sealed file, and its document meanwhile."""
 
 import contextlib
-import queue
-import threading
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+from grabberd import runtime
 from grabberd.archive.capture.meta import CaptureMeta
 from grabberd.archive.capture.reader import CaptureReader
 from grabberd.archive.capture.rows import RunInfo
@@ -19,13 +18,14 @@ from grabberd.core.chain.measure import MeasuredField
 from grabberd.core.channels.account import Account
 from grabberd.core.field import NumberedField
 from grabberd.core.ledger import Outcome
+from grabberd.core.measurement.marks import Located
 from grabberd.core.reconstruction import Coverage
 from grabberd.core.reconstruction.coverage import coverage_document
 from grabberd.documents.captures import CaptureDocument
 from grabberd.errors import DeviceLost, GrabberdError, StorageError, StreamEnded
 from grabberd.instrument.capture.capture_request import NewCapture
 from grabberd.instrument.capture.recorder import Recorder
-from grabberd.instrument.channels.channel_recording import ChannelRecording
+from grabberd.instrument.channels.feed import ChannelRecording
 
 ROOM_SLOTS = 8
 """A source that waits for its reader is held back if so many slots wait, or so few places are left."""
@@ -81,7 +81,7 @@ class Recording:
         self.id = new.id
         self.group = new.group
         self.recorder = recorder
-        self.sealed = threading.Event()
+        self.sealed = runtime.event()
         self.committed = 0
         self.first_time_ns: int | None = None
         self.measuring_failure: str | None = None
@@ -100,7 +100,7 @@ class Recording:
         self._storage_failure: StorageError | None = None
         self.seal_failure: StorageError | None = None
         # Unbounded: the worker must not wait for a stalled disk.
-        self._results: queue.SimpleQueue[MeasuredField | None] = queue.SimpleQueue()
+        self._results: runtime.Queue[MeasuredField | None] = runtime.simple_queue()
         self._all_measured = not measured
         self._appended = 0
         self._size_bytes = 0
@@ -109,7 +109,7 @@ class Recording:
     def start(self) -> None:
         """Starts writing, and recording if that has not started yet, each in a separate thread."""
         self.recorder.start(self.id)
-        threading.Thread(target=self._write, name=f"writer-{self.id}", daemon=True).start()
+        runtime.Thread(target=self._write, name=f"writer-{self.id}", daemon=True).start()
 
     def stop(self, because: str) -> None:
         """Ends the recording; returns at once, `sealed` is set when the file is closed."""
@@ -242,6 +242,10 @@ class Recording:
         in_ring = self.recorder.reader.waiting
         return self.recorder.recording and in_ring < ROOM_SLOTS and self._backlog.room > ROOM_SLOTS
 
+    def marks_before(self) -> Sequence[tuple[int, Located]]:
+        """Parity and located marks of the fields before its first, once that has come."""
+        return self.recorder.marks_before
+
     def recorded(self) -> Iterator[NumberedField]:
         """Every good field in order: from memory, or from the file if it was forgotten."""
         # The backlog counts slots, the file fields: a gap between two slots has numbers, but no index.
@@ -299,6 +303,8 @@ class Recording:
         try:
             self._write_all()
             self._seal()
+            if self._storage_failure is None:  # otherwise the worker may still be reading
+                self._backlog.drop()  # the device keeps its last recording until the next
         except StorageError as error:
             self.seal_failure = error
             # Not sealed: the .part file is tried again by `seal_again`, and by the next start at the latest.
@@ -348,6 +354,8 @@ class Recording:
 
     def _append_slots(self) -> None:
         slots = self._backlog.from_index(self._next_index, timeout_s=WAIT_S)
+        if slots and not self._next_index:
+            self._writer.remember_marks(self.recorder.marks_before)
         self._writer.append(slots)
         if self.first_time_ns is None:
             self.first_time_ns = next((one.numbered.time_ns for one in slots if one.numbered), None)
@@ -365,7 +373,7 @@ class Recording:
 
     def _wait_for_points(self) -> None:
         """Sleeps while the worker measures the last fields, to leave it the processor."""
-        with contextlib.suppress(queue.Empty):
+        with contextlib.suppress(runtime.Empty):
             self._append_points(self._results.get(timeout=WAIT_S))
 
     def _append_points(self, measured: MeasuredField | None) -> None:
@@ -375,12 +383,13 @@ class Recording:
             self._writer.append_points(LIVE_RUN, measured.n, measured.points)
 
     def _commit(self) -> None:
+        # From begin to begin: what comes during a slow commit must not wait for half a second after it.
+        self._commit_due_ns = self._clock.now_ns() + COMMIT_EVERY_NS
         self._writer.commit()
         # Only now may the backlog forget them: forgotten fields must be readable from the file.
         self._backlog.written(self._appended)
         self.committed += self._appended
         self._appended = 0
-        self._commit_due_ns = self._clock.now_ns() + COMMIT_EVERY_NS
         self._watch_disk()
 
     @property

@@ -1,10 +1,10 @@
 """Current status of a logger; written by its thread, read by any other."""
 
 import logging
-import threading
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 
+from grabberd import runtime
 from grabberd.clock import UtcClock, iso_utc
 from grabberd.core.channels import Anomaly, LoggerInfo
 from grabberd.core.channels.account import AnomalyCount, AnomalyLedger
@@ -73,7 +73,7 @@ class LoggerBoard:
         self.name = name
         self._clock = clock
         self._changed = changed
-        self._lock = threading.Lock()
+        self._lock = runtime.lock()
         self._anomalies = AnomalyLedger()
         self._doubt_ns = 0
         self._beat_ns = clock.now_ns()

@@ -4,17 +4,16 @@ Readings are checked before they are used: a driver may have errors like every o
 """
 
 import logging
-import threading
 
 import numpy as np
 
+from grabberd import runtime
 from grabberd.clock import UtcClock
 from grabberd.core.channels import Anomaly, LoggerInfo, Readings
 from grabberd.core.channels.vacuum import VacuumChannels
 from grabberd.documents.enums import DeviceState
 from grabberd.errors import GrabberdError, StreamEnded, StreamFailed
-from grabberd.instrument.channels.channel_recording import calibration_of
-from grabberd.instrument.channels.feed import Feed, Part
+from grabberd.instrument.channels.feed import Feed, Part, calibration_of
 from grabberd.instrument.channels.logger_board import LoggerBoard
 from grabberd.instrument.channels.logger_setup import LoggerSetup
 from grabberd.instrument.device.recovery import (
@@ -77,7 +76,7 @@ SILENT_S, SILENT_STEPS = 3.0, 10.0
 """Silence after which a logger has failed: this time and this number of readings."""
 
 
-class LoggerThread(threading.Thread):
+class LoggerThread(runtime.Thread):
     """Takes readings into the feed until it is stopped, and never waits for other threads.
 
     Args:
@@ -94,7 +93,7 @@ class LoggerThread(threading.Thread):
         feed: Feed,
         board: LoggerBoard,
         clock: UtcClock,
-        stopping: threading.Event | None = None,
+        stopping: runtime.Event | None = None,
     ) -> None:
         super().__init__(name=f"logger-{setup.name}", daemon=True)
         self._setup = setup
@@ -102,7 +101,7 @@ class LoggerThread(threading.Thread):
         self._feed = feed
         self._board = board
         self._clock = clock
-        self._stopping = stopping or threading.Event()
+        self._stopping = stopping or runtime.event()
         self._retries = 0
         self._trouble: Trouble | None = None
         self._faults = FaultLog(log, f"logger {board.name}: its thread failed")

@@ -14,11 +14,11 @@ from grabberd.config.section import without_secrets
 from grabberd.core.channels import Dating, LoggerInfo
 from grabberd.core.channels.vacuum import Channel
 from grabberd.documents.channels import ChannelValueDocument, LoggerDocument
+from grabberd.documents.document import assembled
 from grabberd.documents.enums import DeviceState
 from grabberd.errors import Cause
 from grabberd.fault_board import FaultBoard
-from grabberd.instrument.channels.channel_recording import ChannelRecording, LoggerRecording, calibration_of
-from grabberd.instrument.channels.feed import Feed
+from grabberd.instrument.channels.feed import ChannelRecording, Feed, LoggerRecording, calibration_of
 from grabberd.instrument.channels.logger_board import LoggerBoard
 from grabberd.instrument.channels.logger_setup import LoggerSetup
 from grabberd.instrument.channels.logger_thread import LoggerThread
@@ -195,31 +195,24 @@ def _document(logger: _Logger, since_ns: int) -> LoggerDocument:
     status, setup = logger.board.now, logger.setup
     info = status.info
     now = _present(logger, since_ns) if status.is_reading else {}
-    return LoggerDocument(
+    return assembled(
+        LoggerDocument,
+        status,
         name=setup.name,
         driver=setup.config.driver,
-        state=status.state,
-        since_utc=status.since_utc,
-        cause=status.cause,
-        hint=status.hint,
         cause_code=status.code,
         model=info and info.model,
         rate_hz=info and info.rate_hz,
         dating=info and info.dating,
-        openings=status.openings,
-        readings=status.readings,
         anomalies={one.reason: one.times for one in status.anomalies},
         lost=sum(one.lost for one in status.anomalies),
         warnings=list(info.remarks) if info else [],
         channels={
-            one.name: ChannelValueDocument(
-                quantity=one.quantity,
-                column=one.column,
-                devices=list(one.devices),
+            one.name: assembled(
+                ChannelValueDocument,
+                one,
                 kpa=now.get(one.name) if one.quantity.is_vacuum else None,
                 level=None if one.quantity.is_vacuum else now.get(one.name),
-                sigma_kpa=one.sigma_kpa,
-                calibrated=one.calibrated,
             )
             for one in setup.channels
         },

@@ -2,10 +2,10 @@
 
 import logging
 import math
-import threading
 from collections.abc import Callable, Iterable
 from typing import Protocol
 
+from grabberd import runtime
 from grabberd.clock import UtcClock
 from grabberd.core.ledger import NO_SIGNAL, Slot
 from grabberd.documents.enums import DeviceState, Rung
@@ -19,7 +19,7 @@ from grabberd.errors import (
     StreamFailed,
 )
 from grabberd.instrument.acquisition.device import Grabber, Signal, StreamInfo
-from grabberd.instrument.acquisition.standstill import Standstill
+from grabberd.instrument.acquisition.numbering.standstill import Standstill
 from grabberd.instrument.device.field_pipeline import FieldPipeline
 from grabberd.instrument.device.recovery import Failure, FaultLog, Ladder, Step, reason_of, trouble_of
 from grabberd.instrument.device.scheduling import Scheduling, ThreadAccount
@@ -39,6 +39,9 @@ POLL_S = 0.001
 """Pause if there is no room for a field, or if a device immediately reports that it has none."""
 MOST_POLLS = 5
 """Maximum number of pauses after a field: four fields are taken in one field period."""
+LESS_WORK = (
+    "a smaller picture or a lower rate takes less; until a restart, fields may be lost on a busy computer"
+)
 BEAT_EVERY_S = 1.0
 """Far below half the watchdog's time, after which the heartbeat considers this thread stuck."""
 
@@ -93,7 +96,7 @@ class FieldFlow:
         return (now_ns - self._newest_ns) / 1e9
 
 
-class CaptureThread(threading.Thread):
+class CaptureThread(runtime.Thread):
     """Opens the device, takes its fields into the ring, and climbs the ladder when they fail to come.
 
     It requests real-time scheduling as soon as a camera streams.
@@ -110,7 +113,7 @@ class CaptureThread(threading.Thread):
         board: StatusBoard,
         clock: UtcClock,
         captures: ThreadCaptures,
-        stopping: threading.Event | None = None,
+        stopping: runtime.Event | None = None,
         account: ThreadAccount | None = None,
     ) -> None:
         super().__init__(name=f"capture-{name}", daemon=True)
@@ -119,12 +122,13 @@ class CaptureThread(threading.Thread):
         self._board = board
         self._clock = clock
         self._captures = captures
-        self._stopping = stopping or threading.Event()
+        self._stopping = stopping or runtime.event()
         self._open = False
         self._flow = FieldFlow(clock.now_ns())
         self._account = account or ThreadAccount()
         self._scheduling = Scheduling(clock, self._account, lambda: grabber.called_ns)
         self._asked_to_come_first = False
+        self._returned_ns: int | None = None
         self._signal_due_ns = 0
         self._timeout_s, self._stalled_s = DEQUEUE_TIMEOUT_S, STALLED_AFTER_S
         self._signal = Signal.UNKNOWN
@@ -200,10 +204,10 @@ class CaptureThread(threading.Thread):
         self._close()
         try:
             self._grabber.reset()
-            self._board.reset_refused(None)
+            self._board.refused("reset", None)
         except DeviceRefused as refusal:
             # Reopened anyway: that may help where a reset is not permitted.
-            self._board.reset_refused(refusal)
+            self._board.refused("reset", refusal)
         return self._reopen()
 
     def _stream(self, info: StreamInfo, asked_ns: int) -> None:
@@ -235,12 +239,15 @@ class CaptureThread(threading.Thread):
         if self._asked_to_come_first:
             return
         self._asked_to_come_first = True
-        if how := self._account.come_first():
-            log.info("device %s: fields are taken %s", self._board.name, how)
+        try:
+            if how := self._account.come_first():
+                log.info("device %s: fields are taken %s", self._board.name, how)
+        except DeviceRefused as refusal:
+            self._board.refused("real time", refusal)
 
     def _keep_to_share(self, now_ns: int) -> None:
         if how := self._account.keep_to_share(now_ns):
-            log.warning("device %s: fields are taken %s", self._board.name, how)
+            self._board.refused("real time", DeviceRefused(f"fields are taken {how}", LESS_WORK))
 
     def _take(self, info: StreamInfo) -> None:
         self._board.beat()
@@ -260,12 +267,13 @@ class CaptureThread(threading.Thread):
             if standstill is not None and standstill.time_ns > info.buffered_ns:
                 self._board.stood_still(standstill)
             for grabbed in fields:
-                self._count(
-                    self._pipeline.take(
-                        grabbed, self._signal, now_ns, standstill, in_time=self._scheduling.was_in_time
-                    )
+                in_time, returned_ns = self._scheduling.was_in_time, self._returned_ns
+                slots = self._pipeline.take(
+                    grabbed, self._signal, now_ns, standstill, in_time=in_time, returned_ns=returned_ns
                 )
+                self._count(slots)
                 standstill = None
+        self._returned_ns = self._clock.now_ns() if fields else self._returned_ns
         if now_ns >= self._signal_due_ns:
             self._ask_signal()
             self._keep_to_share(now_ns)

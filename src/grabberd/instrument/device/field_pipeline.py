@@ -4,7 +4,6 @@ While the capture thread is behind the camera, fields are measured less often.
 """
 
 import logging
-import threading
 from collections import deque
 from collections.abc import Iterable
 from typing import NamedTuple
@@ -12,11 +11,15 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from grabberd import runtime
 from grabberd.config import DeviceConfig
+from grabberd.core.chain.mark_watch import REMEMBERED
 from grabberd.core.field import PAL_HZ, FieldOrder, NumberedField, PackedField, Packing, pack
-from grabberd.core.ledger import Slot
+from grabberd.core.ledger import Outcome, Slot
+from grabberd.core.measurement.marks import MarkLocator
 from grabberd.errors import InputError
 from grabberd.instrument.acquisition import (
+    REPEATED,
     Content,
     ContentCheck,
     FieldNumbering,
@@ -27,6 +30,7 @@ from grabberd.instrument.acquisition import (
     Standstill,
     StreamInfo,
 )
+from grabberd.instrument.acquisition.numbering.standstill import StandstillOfDriver
 from grabberd.instrument.device.threshold_keeper import NewestField, ThresholdKeeper
 
 BEHIND_NS = 40_000_000
@@ -57,6 +61,8 @@ class Shedding:
         return SPARE_S if now_ns < self._until_ns else 0.0
 
 
+MARKS_KEPT = 1024
+"""Fields whose marks are remembered for a capture that begins with one of them or later."""
 ARRIVALS = 16384
 """Number of fields whose arrival is stored: those of a minute at 250 fields per second."""
 
@@ -66,6 +72,19 @@ log = logging.getLogger(__name__)
 NOT_DOUBLED = "a progressive picture lacks no lines that could be doubled"
 LEAST_SLOTS = 32
 """Slots of a ring (paper 3.4)."""
+
+
+_AT_ONCE = 0.5
+"""Periods after a field that has not waited within which no other of its parity can have come."""
+
+
+class _Taken(NamedTuple):
+    """Last field of a parity."""
+
+    time_ns: int
+    sequence: int | None
+    arrived_ns: int
+    in_time: bool
 
 
 class _Unnumbered(NamedTuple):
@@ -99,11 +118,14 @@ class FieldPipeline:
         self._slots_asked, self._asks_for_doubled = config.ring.slots, lines == "doubled"
         self._slots = self._slots_at(PAL_HZ)
         self._interpolation = config.ring.interpolation
-        self._configuring = threading.Lock()
+        self._configuring = runtime.lock()
         self._default = bits, lines or _default_lines(bits)
         self.ring = Ring(self._slots, *self._default)
         self.thresholds = ThresholdKeeper(config)
         self.newest = NewestField()
+        places_px = [(mark.x_px, mark.y_px) for mark in config.marks]
+        self._marks = MarkLocator(places_px) if places_px else None
+        self._marks_seen: deque[tuple[int, int, NDArray[np.float32]]] = deque(maxlen=MARKS_KEPT)
         self.arrived_ns: NDArray[np.int64] = np.zeros(ARRIVALS, np.int64)
         self.interruption: str | None = None
         self.shedding = Shedding()
@@ -111,6 +133,7 @@ class FieldPipeline:
         self._numbering: FieldNumbering | None = None
         self._unnumbered: deque[_Unnumbered] = deque()
         self._content: ContentCheck | None = None
+        self._taken: dict[int, _Taken] = {}
 
     def configure_ring(self, bits: int | None, lines: str | None) -> Ring:
         """Provides the ring for these bits and lines; None: as configured.
@@ -140,6 +163,7 @@ class FieldPipeline:
         Numbering continues across the gap. If the pictures differ, it starts again in a new ring.
         """
         change = _change(self._granted, info)
+        self._taken.clear()
         if self._numbering is None or change:
             self._numbering = FieldNumbering(info, since_ns)
         else:
@@ -201,6 +225,7 @@ class FieldPipeline:
         standstill: Standstill | None = None,
         *,
         in_time: bool = True,
+        returned_ns: int | None = None,
     ) -> list[Slot]:
         """Numbers, quantises and packs a field and puts it into the ring as soon as its number is certain.
 
@@ -210,9 +235,11 @@ class FieldPipeline:
             now_ns: Arrival.
             standstill: Time before it in which the program took no fields, or None.
             in_time: False if it may have waited in the driver's buffers.
+            returned_ns: When the buffer before it was returned; None: just before it came.
 
         Returns:
-            The slots that are in the ring now: none while the field is in doubt, several after that.
+            The slots that are in the ring now: none while the field is in doubt, several after that. There is
+            none of a buffer that the driver hands over twice, since the camera has exposed nothing for it.
         """
         assert self._numbering is not None, "opened() comes first"
         self.interruption = None
@@ -220,14 +247,38 @@ class FieldPipeline:
         ring = self.ring
         self.newest.offer(grabbed.field, ring, grabbed.time_ns)
         content, packed = self._packed(grabbed, signal, ring)
-        self._unnumbered.append(_Unnumbered(packed, grabbed.sequence, now_ns, ring))
+        if self._marks is not None:
+            # On the grey field, before it is quantised: afterwards a mark at rest no longer averages.
+            packed = packed.with_marks(self._marks.locate(grabbed.field))
+        self._numbering.returned_ns = returned_ns
         if standstill is not None:
             self._numbering.stood_still(standstill.time_ns, standstill.reason)
+            is_long = self._granted is not None and standstill.time_ns > self._granted.buffered_ns
+            may_be_of_driver = is_long or isinstance(standstill, StandstillOfDriver)
+            self._numbering.of_driver = standstill if may_be_of_driver else None
+        taken = _Taken(grabbed.time_ns, grabbed.sequence, now_ns, in_time)
+        if self._is_handed_over_again(taken, grabbed.field.parity) and content.damage == REPEATED:
+            return []
+        self._unnumbered.append(_Unnumbered(packed, grabbed.sequence, now_ns, ring))
         return self._release(
             self._numbering.number(
                 grabbed, signal, content.damage, now_ns, content.no_picture, in_time=in_time
             )
         )
+
+    def _is_handed_over_again(self, taken: _Taken, parity: int) -> bool:
+        """True if a field has the count of the last one of its parity; or, from a driver that does not count,
+        its time, or comes at once after it although that one had not waited.
+        """
+        before, self._taken[parity] = self._taken.get(parity), taken
+        if before is None or self._granted is None or before.sequence != taken.sequence:
+            return False
+        if 0 < taken.time_ns == before.time_ns or (
+            self._granted.counts_losses and taken.sequence is not None
+        ):
+            return True
+        apart_ns = taken.arrived_ns - before.arrived_ns
+        return before.in_time and apart_ns < _AT_ONCE * 1e9 / self._granted.rate_hz
 
     def _release(self, numbered: Iterable[Numbered]) -> list[Slot]:
         return [self._put(self._unnumbered.popleft(), number) for number in numbered]
@@ -245,7 +296,15 @@ class FieldPipeline:
             number.rebases,
         )
         waited.ring.put(slot)
+        packed = waited.packed
+        if packed.marks is not None and number.outcome is Outcome.RECEIVED:
+            self._marks_seen.append((number.n, packed.parity, packed.marks))
         return slot
+
+    def marks_before(self, n: int) -> list[tuple[int, NDArray[np.float32]]]:
+        """Parity and marks of the newest good fields before field `n`, as many as a watch remembers."""
+        seen = [(parity, marks) for number, parity, marks in self._marks_seen.copy() if number < n]
+        return seen[-REMEMBERED:]
 
     def _slots_at(self, rate_hz: float) -> int:
         """Slots of a ring at this rate: unless configured, they last as long as those of PAL."""

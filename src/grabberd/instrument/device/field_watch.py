@@ -6,22 +6,23 @@ few numbers of each field of the last minutes are kept for later display.
 
 import logging
 import math
-import threading
 from collections import deque
+from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from grabberd import runtime
 from grabberd.core.chain.locating import whole
 from grabberd.core.chain.measure import MeasuredField, MeasureSetup
 from grabberd.core.chain.rig_watch import RigWatch
 from grabberd.core.field import PAL_HZ
 from grabberd.core.geometry.document_reader import finite
-from grabberd.core.reconstruction.drift_check import RigFit, RigVerdict
+from grabberd.core.reconstruction.drift_check import MarkState, RigFit, RigVerdict
 from grabberd.core.reconstruction.field_order import KNOWN, FieldOrderCheck, FieldOrderFit, Order
 from grabberd.core.reconstruction.section_width import facing_targets, section_widths
-from grabberd.documents.devices import FieldOrderDocument, RigDocument
+from grabberd.documents.devices import FieldOrderDocument, MarksDocument, RigDocument
 
 log = logging.getLogger(__name__)
 
@@ -30,6 +31,7 @@ MOST_FITS = 3600
 """One fit per second: a capture's findings are those of its last hour."""
 WHAT_TO_DO = "check with the calibration frame (grabberd check), and recalibrate if it says so"
 _MEANINGS = {
+    RigVerdict.CORRECTED: "camera or mirrors have moved since the calibration; the marks correct it",
     RigVerdict.DOUBTFUL: "camera or mirrors may have moved since the calibration",
     RigVerdict.MOVED: "camera or mirrors have moved since the calibration",
     RigVerdict.UNMATCHED: "both views show targets, but by this calibration they are not the object's: "
@@ -75,13 +77,14 @@ class RigHealth:
 
     @property
     def problem(self) -> str | None:
-        """Problem of the rig in a sentence; None if there is none."""
+        """Sentence about the rig; None if it has not moved, or that is unknown."""
         return None if self.fit is None or self.fit.verdict not in _MEANINGS else _sentence(self.fit)
 
     @property
     def warnings(self) -> tuple[str, ...]:
         """Warnings for the operator, in sentences."""
-        return (f"{self.problem}; {WHAT_TO_DO}",) if self.problem else ()
+        harmless = self.fit is not None and self.fit.verdict is RigVerdict.CORRECTED
+        return (f"{self.problem}; {WHAT_TO_DO}",) if self.problem and not harmless else ()
 
     @property
     def document(self) -> RigDocument | None:
@@ -95,7 +98,8 @@ class RigHealth:
             return {}
         worst = max((fit.verdict for fit in known), key=list(RigVerdict).index)
         means = {key: _mean([getattr(fit, key) for fit in known]) for key in ("ratio", "shift_px")}
-        return {"rig": {"verdict": worst, **means}}
+        marks = _largest_corrections(known)
+        return {"rig": {"verdict": worst, **means, **({"corrected_px": marks} if marks else {})}}
 
     def _log_change(self, fit: RigFit) -> None:
         """Logs each change of the verdict once; an unknown verdict is no change."""
@@ -122,10 +126,39 @@ def fit_document(fit: RigFit) -> RigDocument:
         residual_px=residual,
         targets=fit.targets,
         fields=fit.fields,
+        marks=None
+        if fit.marks is None
+        else {view: MarksDocument(**one._asdict()) for view, one in zip(VIEWS, fit.marks, strict=True)},
     )
 
 
+def _largest_corrections(fits: Sequence[RigFit]) -> dict[str, float]:
+    """Largest movements that were taken off, by view; empty without marks."""
+    marks = [fit.marks for fit in fits if fit.marks is not None]
+    return {view: max(one[v].size_px for one in marks) for v, view in enumerate(VIEWS)} if marks else {}
+
+
+_OF_MARKS = {
+    MarkState.MOVING: "the marks of the {} view are moving",
+    MarkState.CONTRADICTORY: "the marks of the {} view do not move as one, look for a loose or dirty one",
+    MarkState.HIDDEN: "fewer than two marks of the {} view are seen",
+}
+
+
+def _said_of_marks(fit: RigFit) -> list[str]:
+    said = []
+    for view, one in zip(VIEWS, fit.marks or (), strict=False):
+        if one.size_px:
+            said.append(f"{view} by {one.size_px:.2f} px (σ {one.sigma_px:.2f} px)")
+        if one.state in _OF_MARKS:
+            said.append(_OF_MARKS[one.state].format(view))
+    return said
+
+
 def _sentence(fit: RigFit) -> str:
+    said = _said_of_marks(fit) if fit.verdict in (RigVerdict.CORRECTED, RigVerdict.DOUBTFUL) else []
+    if said:
+        return f"{_MEANINGS[fit.verdict]}: {', '.join(said)}"
     if not math.isfinite(fit.shift_px):
         return _MEANINGS[fit.verdict]
     return (
@@ -267,7 +300,7 @@ class FieldHistory:
         self._newest_ns = -math.inf
         self._views: tuple[str, ...] = ()
         self._pairs: list[tuple[int, int]] = []
-        self._lock = threading.Lock()
+        self._lock = runtime.lock()
 
     def keep(self, rate_hz: float) -> None:
         """Keeps five minutes at this rate from now on; fields at another rate are dropped."""

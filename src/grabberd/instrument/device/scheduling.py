@@ -13,8 +13,9 @@ from typing import NamedTuple
 
 from grabberd.clock import UtcClock, iso_utc
 from grabberd.core.field import PAL_HZ
-from grabberd.errors import Cause
+from grabberd.errors import Cause, DeviceRefused
 from grabberd.instrument.acquisition import Standstill
+from grabberd.instrument.acquisition.numbering.standstill import StandstillOfDriver
 
 _NOTABLE = 0.5
 """Shortest pause that counts, in periods."""
@@ -22,6 +23,10 @@ _MOST_SHARE = 0.5
 """Share of a processor that a thread in real time may use; a camera's fields take a twentieth."""
 _PRIORITY = 1
 """The lowest priority in real time: other real-time programs, such as an audio server, take precedence."""
+NOT_FIRST = (
+    "permit it: 'LimitRTPRIO=1' in the unit of a service, 'ulimit -r 1' before a daemon that is started by "
+    "hand (/etc/security/limits.d sets who may), '--ulimit rtprio=1' for a container"
+)
 
 
 class ThreadTimes(NamedTuple):
@@ -50,6 +55,9 @@ class ThreadAccount:
     def come_first(self) -> str:
         """Requests that the calling thread runs before all others; returns its new scheduling in words, or ""
         if that is unknown.
+
+        Raises:
+            DeviceRefused: It may not; the hint says what would permit it.
         """
         return ""
 
@@ -94,7 +102,10 @@ class KernelAccount(ThreadAccount):
             # Round robin: the capture threads of several devices take turns.
             os.sched_setscheduler(0, os.SCHED_RR | os.SCHED_RESET_ON_FORK, os.sched_param(_PRIORITY))
         except OSError as error:
-            return f"when the system gets round to it, not in real time: {error.strerror}"
+            raise DeviceRefused(
+                f"fields are not taken in real time ({error.strerror}): some may be lost while others run",
+                NOT_FIRST,
+            ) from error
         self._first_since = (0, 0)
         return "in real time, before other programs' work"
 
@@ -118,11 +129,19 @@ class KernelAccount(ThreadAccount):
             self._file = None
 
 
+class _Used(NamedTuple):
+    """Processor time of the thread and of its program until a moment, and time of calls to the device."""
+
+    thread: ThreadTimes | None
+    program_ns: int
+    called_ns: int
+
+
 class Scheduling:
     """Adds up the time by which the capture thread has fallen behind the camera.
 
     It counts from when the driver's buffers were last found empty: many small delays fill them just like one
-    long pause.
+    long pause. A pause after which they are empty is one of the driver as well, if fields are missing.
 
     Args:
         clock: Source of time.
@@ -141,10 +160,8 @@ class Scheduling:
         self._called_ns = called_ns
         self._asked_ns = self._came_ns = clock.now_ns()
         self._fields = 0
-        self._times_at_asking: ThreadTimes | None = None
-        self._called_ns_at_asking = 0
-        self._times_at_begin: ThreadTimes | None = None
-        self._late_ns = self._program_ns_at_begin = self._called_ns_at_begin = 0
+        self._at_asking = self._at_empty = self._at_field = _Used(None, 0, 0)
+        self._late_ns = self._paused_ns = 0
         self._unreported = False
         self._period_ns = 0
         self.paced(PAL_HZ)
@@ -156,20 +173,19 @@ class Scheduling:
 
     def excuse(self) -> None:
         """Notes that no fields had to be taken until now."""
-        self._begin(self._account.thread(), self._called_ns())
+        self._late_ns, self._paused_ns, self._unreported = 0, 0, False
+        self._at_empty = self._at_field = self._used
         self._came_ns, self._fields = self._clock.now_ns(), 0
 
     def asks(self) -> int:
         """Notes that the thread now requests a field; returns the time."""
-        self._asked_ns = self._clock.now_ns()
-        self._times_at_asking, self._called_ns_at_asking = self._account.thread(), self._called_ns()
+        self._asked_ns, self._at_asking = self._clock.now_ns(), self._used
         return self._asked_ns
 
     def came(self, now_ns: int, timeout_s: float, fields: int, *, found_empty: bool) -> Standstill | None:
         """Standstill that kept the thread from taking fields until the end of this request, or None.
 
-        One found by a request without a field is returned again with the next field, unless the driver's
-        buffers are found empty before.
+        One found by a request without a field is returned again with the next field.
 
         Args:
             now_ns: The present time.
@@ -177,12 +193,18 @@ class Scheduling:
             fields: Number of fields that it has returned.
             found_empty: True if no field was waiting when it began.
         """
-        times, request_ns = self._account.thread(), now_ns - self._asked_ns
+        used, request_ns = self._used, now_ns - self._asked_ns
         if found_empty:
-            self._begin(self._times_at_asking, self._called_ns_at_asking)
+            self._late_ns, self._unreported, self._at_empty = 0, False, self._at_asking
             # The thread may have waited for a processor, or something else, after a field had come.
-            waited_ns = _waited_ns(self._times_at_asking, times)
+            waited_ns = _waited_ns(self._at_asking.thread, used.thread)
             late_ns = max(self._overrun(request_ns, timeout_s), min(waited_ns, request_ns))
+            # While a thread waits for a processor, drivers have one.
+            between_ns = self._asked_ns - self._came_ns
+            between_ns -= _waited_ns(self._at_field.thread, self._at_asking.thread)
+            self._paused_ns += sum(
+                self._overrun(took_ns, timeout_s) for took_ns in (request_ns - waited_ns, between_ns)
+            )
         else:
             # There was always a field to take since the last ones, which had their own time.
             late_ns = now_ns - self._came_ns - self._fields * self._period_ns
@@ -191,29 +213,31 @@ class Scheduling:
         self._came_ns, self._fields = now_ns, fields
         self._late_ns = max(0, self._late_ns + late_ns)
         self._unreported |= late_ns >= notable_ns
-        if not self._unreported:
+        standstill = self._standstill(used)
+        if fields:
+            self._unreported, self._paused_ns, self._at_field = False, 0, used
+        return standstill
+
+    def _standstill(self, used: _Used) -> Standstill | None:
+        if not self._paused_ns and not self._unreported:
             return None
-        self._unreported = not fields
-        return self._standstill(times)
+        # A field may come between a pause and the next request, and wait for that.
+        is_of_driver = self._paused_ns > self._late_ns / 2
+        kind, since = (StandstillOfDriver, self._at_field) if is_of_driver else (Standstill, self._at_empty)
+        waited_ns = None if used.thread is None else _waited_ns(since.thread, used.thread)
+        used_ns = used.program_ns - since.program_ns
+        called_ns = used.called_ns - since.called_ns
+        return kind(max(self._late_ns, self._paused_ns), waited_ns, used_ns, called_ns)
 
-    def _standstill(self, times: ThreadTimes | None) -> Standstill:
-        return Standstill(
-            self._late_ns,
-            None if times is None else _waited_ns(self._times_at_begin, times),
-            self._account.program_ns() - self._program_ns_at_begin,
-            self._called_ns() - self._called_ns_at_begin,
-        )
-
-    def _overrun(self, request_ns: int, timeout_s: float) -> int:
-        """Time by which a request took too long; if it exceeded its limit, a field was due before."""
-        if request_ns - round(timeout_s * 1e9) < _NOTABLE * self._period_ns:
+    def _overrun(self, took_ns: int, timeout_s: float) -> int:
+        """Time by which something took too long; if it exceeded its limit, a field was due before."""
+        if took_ns - round(timeout_s * 1e9) < _NOTABLE * self._period_ns:
             return 0
-        return request_ns - self._period_ns
+        return took_ns - self._period_ns
 
-    def _begin(self, times: ThreadTimes | None, called_ns: int) -> None:
-        self._late_ns, self._unreported = 0, False
-        self._times_at_begin, self._called_ns_at_begin = times, called_ns
-        self._program_ns_at_begin = self._account.program_ns()
+    @property
+    def _used(self) -> _Used:
+        return _Used(self._account.thread(), self._account.program_ns(), self._called_ns())
 
 
 def _waited_ns(before: ThreadTimes | None, after: ThreadTimes | None) -> int:

@@ -5,12 +5,13 @@ event loop.
 """
 
 import logging
-import threading
 from collections import Counter, deque
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
+from itertools import chain
 from typing import NamedTuple
 
+from grabberd import runtime
 from grabberd.clock import UtcClock, iso_utc
 from grabberd.core.field import PAL_HZ
 from grabberd.core.ledger import LossCause, Outcome, Rebase, Slot, cause_of_loss
@@ -44,7 +45,7 @@ class RecentFields:
     """Counts by the second; written by the capture thread, read by any thread."""
 
     def __init__(self) -> None:
-        self._lock = threading.Lock()
+        self._lock = runtime.lock()
         self._seconds: deque[tuple[int, int, int]] = deque(maxlen=KEPT_S + 1)
 
     def count(self, now_ns: int, outcome: Outcome, count: int) -> None:
@@ -111,7 +112,7 @@ class DeviceStatus:
         recoveries: Number of times that each step of recovery has been taken.
         last_failure: Failure that caused the last step.
         last_failure_utc: Time since which it has been the last failure.
-        refusals: Steps that the device does not support, in sentences.
+        refusals: What the device or the system does not permit, in sentences.
     """
 
     state: DeviceState
@@ -148,7 +149,7 @@ class StatusBoard:
 
     def __init__(self, name: str, clock: UtcClock) -> None:
         self.name = name
-        self.changed = threading.Condition()
+        self.changed = runtime.condition()
         self.standstills = Standstills(clock)
         self.recent = RecentFields()
         self._clock = clock
@@ -158,6 +159,7 @@ class StatusBoard:
         self._logged: tuple[DeviceState, str | None] | None = None
         self._beat_ns = clock.now_ns()
         self._stuck_since: str | None = None
+        self._refusals: dict[str, tuple[str, ...]] = {}
         self._arrivals_ns: deque[int] = deque(maxlen=_fields(PAL_HZ))
 
     def beat(self) -> None:
@@ -263,12 +265,12 @@ class StatusBoard:
                 self._status = replace(self._status, last_failure=error.message, last_failure_utc=since)
         self.enter(step.state, error.message, error.hint, cause_of(error))
 
-    def reset_refused(self, refusal: GrabberdError | None) -> None:
-        """Notes why the device cannot be reset; None if it can."""
+    def refused(self, what: str, refusal: GrabberdError | None) -> None:
+        """Notes why something is not permitted, such as a reset of the device; None if it is."""
         with self.changed:
             known = self._status.warnings
-            refusals = (f"{refusal.message}; {refusal.hint}",) if refusal else ()
-            self._status = replace(self._status, refusals=refusals)
+            self._refusals[what] = (f"{refusal.message}; {refusal.hint}",) if refusal else ()
+            self._status = replace(self._status, refusals=tuple(chain(*self._refusals.values())))
         self._warn(known)
 
     def saw_signal(self, signal: Signal) -> None:

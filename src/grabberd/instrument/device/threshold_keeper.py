@@ -6,8 +6,6 @@ nothing otherwise.
 
 import logging
 import math
-import threading
-import time
 from collections.abc import Callable
 from dataclasses import replace
 from typing import NamedTuple
@@ -15,8 +13,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from grabberd import runtime
 from grabberd.config import DeviceConfig
-from grabberd.core.chain.thresholds import field_threshold, field_threshold_map
+from grabberd.core.chain.light import field_threshold, field_threshold_map
 from grabberd.core.field import Field, map_level
 from grabberd.core.measurement import ThresholdRule
 from grabberd.errors import MeasurementError
@@ -53,9 +52,9 @@ class Shown(NamedTuple):
 class NewestField:
     """Passes the newest field on request to other threads; the capture thread offers every field."""
 
-    def __init__(self, now_s: Callable[[], float] = time.monotonic) -> None:
+    def __init__(self, now_s: Callable[[], float] = runtime.monotonic) -> None:
         self._now_s = now_s
-        self._given = threading.Condition()
+        self._given = runtime.condition()
         self._wanted = False
         self._count = 0
         self._shown: Shown | None = None
@@ -116,15 +115,15 @@ class ThresholdKeeper:
         self._by_pixel = config.threshold.map
         self.in_force = Threshold(UNDECIDED_THRESHOLD if self._rule.value is None else self._rule.value)
         self._newest = NewestField()
-        self._deciding = threading.Condition()
+        self._deciding = runtime.condition()
         self._live = True
         self.held = False
         self._tried_for: Ring | None = None
         self._chosen_for: Ring | None = None
-        self._at_once = threading.Event()
-        self._packing_next = threading.Event()
-        self._stopping = threading.Event()
-        self._thread: threading.Thread | None = None
+        self._at_once = runtime.event()
+        self._packing_next = runtime.event()
+        self._stopping = runtime.event()
+        self._thread: runtime.Thread | None = None
 
     @property
     def _fixed(self) -> bool:
@@ -132,7 +131,7 @@ class ThresholdKeeper:
 
     def start(self, name: str) -> None:
         """Starts the thread."""
-        self._thread = threading.Thread(target=self._run, name=f"threshold-{name}", daemon=True)
+        self._thread = runtime.Thread(target=self._run, name=f"threshold-{name}", daemon=True)
         self._thread.start()
 
     def use(self, config: DeviceConfig) -> None:

@@ -1,20 +1,21 @@
 """The worker: measures the newest fields for live display, and every field of a capture."""
 
 import logging
-import threading
 from bisect import bisect_left
 from collections import deque
-from collections.abc import Generator, Iterator, Mapping
+from collections.abc import Generator, Iterator, Mapping, Sequence
 from contextlib import closing
 from typing import Any, NamedTuple, Protocol, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
+from grabberd import runtime
 from grabberd.clock import UtcClock
 from grabberd.core.chain.measure import MeasuredField, MeasureSetup, measure_fields
 from grabberd.core.field import NumberedField
 from grabberd.core.ledger import Outcome
+from grabberd.core.measurement.marks import Located
 from grabberd.core.reconstruction import Coverage, CoverageTally
 from grabberd.instrument.acquisition import Policy
 from grabberd.instrument.device.field_pipeline import ARRIVALS, FieldPipeline
@@ -45,7 +46,7 @@ class FairLock:
     """
 
     def __init__(self) -> None:
-        self._lock = threading.Lock()
+        self._lock = runtime.lock()
 
     def one_by_one(self, fields: Iterator[T]) -> Generator[T]:
         """The same fields; the lock is held while each is processed, but not while the next is awaited."""
@@ -78,7 +79,7 @@ class Latency:
         self._count = 0
         self._classes = [0] * (len(BOUNDS_S) + 1)
         self._sum_ns = 0
-        self._lock = threading.Lock()
+        self._lock = runtime.lock()
 
     def add(self, latency_ns: int) -> None:
         """Adds one field's latency."""
@@ -131,6 +132,10 @@ class MeasurableRecording(Protocol):
         """The stream's number of its first field."""
         ...
 
+    def marks_before(self) -> Sequence[tuple[int, Located]]:
+        """Parity and located marks of the fields before its first, once that has come."""
+        ...
+
     def recorded(self) -> Iterator[NumberedField]:
         """Every good field in order, as they come, until the end."""
         ...
@@ -174,7 +179,7 @@ class Live(NamedTuple):
     number: int
 
 
-class Worker(threading.Thread):
+class Worker(runtime.Thread):
     """Measures the ring's fields, skipping some when it is late; during a capture all recorded ones.
 
     Measuring starts again with a capture's first field, so that measuring its file later gives the same
@@ -200,7 +205,7 @@ class Worker(threading.Thread):
     ) -> None:
         super().__init__(name=f"worker-{name}", daemon=True)
         self.live: Live | None = None
-        self.published = threading.Condition()
+        self.published = runtime.condition()
         self._newest: deque[Live] = deque(maxlen=NEWEST)
         self._number = 0
         self.latency = Latency()
@@ -212,7 +217,7 @@ class Worker(threading.Thread):
         self._captures = captures
         self._clock = clock
         self._fair_lock = fair_lock or FairLock()
-        self._stopping = threading.Event()
+        self._stopping = runtime.event()
         self._done: MeasurableRecording | None = None
 
     def stop(self) -> None:
@@ -253,7 +258,9 @@ class Worker(threading.Thread):
             interlaced = not self._pipeline.is_progressive
             self.field_order.begin(self._setup, capture=True, interlaced=interlaced)
             with closing(self._paced(recording.recorded())) as fields:
-                for measured in measure_fields(fields, self._setup, tally):
+                for measured in measure_fields(
+                    fields, self._setup, tally, before=lambda _: recording.marks_before()
+                ):
                     recording.add(measured)
                     self._publish(measured, self._setup, recording.first_n)
             coverage = tally.result()
@@ -273,7 +280,7 @@ class Worker(threading.Thread):
         self.rig.begin(setup)
         self.field_order.begin(setup, interlaced=not self._pipeline.is_progressive)
         with closing(self._paced(self._ring_fields(setup))) as fields:
-            for measured in measure_fields(fields, setup):
+            for measured in measure_fields(fields, setup, before=self._pipeline.marks_before):
                 self._publish(measured, setup, 0)
 
     def _paced(self, fields: Iterator[NumberedField]) -> Generator[NumberedField]:

@@ -9,23 +9,24 @@ from typing import NamedTuple
 
 from grabberd.clock import UtcClock
 from grabberd.core.reconstruction.drift_check import RigVerdict
-from grabberd.documents.devices import DeviceLackDocument
-from grabberd.documents.enums import DeviceState
-from grabberd.documents.health import (
+from grabberd.documents.devices import (
     DeviceHealth,
+    DeviceLackDocument,
     FaultDocument,
     HealthLevel,
     HealthPart,
     HealthPartDocument,
     StartAdvice,
 )
+from grabberd.documents.document import assembled
+from grabberd.documents.enums import DeviceState
 from grabberd.documents.state import StorageDocument
 from grabberd.errors import Cause
 from grabberd.instrument.acquisition import Signal, StreamInfo
 from grabberd.instrument.device.field_watch import WHAT_TO_DO
 from grabberd.instrument.device.status_board import LATELY_S, STREAMING, DeviceStatus
 from grabberd.instrument.instrument import Instrument
-from grabberd.instrument.live.newest_field import CURRENT_NS
+from grabberd.instrument.live.field_streams import CURRENT_NS
 
 LEVELS: tuple[HealthLevel, ...] = ("good", "unknown", "warning", "bad")
 _DAEMONS_OWN: frozenset[HealthPart] = frozenset({"computer", "records", "clock"})
@@ -41,8 +42,15 @@ _DISK_SHORT_MIN, _DISK_BAD_MIN = 60.0, 10.0
 _EARLIEST = 2026
 """The year in which this program was written: a clock with an earlier year is not set."""
 
-_GOOD = HealthPartDocument(level="good", word="good")
-_UNKNOWN = HealthPartDocument(level="unknown", word="unknown")
+
+def _part(
+    level: HealthLevel, word: str, message: str = "", hint: str = "", code: Cause | None = None
+) -> HealthPartDocument:
+    return HealthPartDocument(level=level, word=word, message=message, hint=hint, cause_code=code)
+
+
+_GOOD = _part("good", "good")
+_UNKNOWN = _part("unknown", "unknown")
 
 
 class Surroundings(NamedTuple):
@@ -100,10 +108,7 @@ def lacks_of(parts: Mapping[HealthPart, HealthPartDocument]) -> list[DeviceLackD
     if parts["device"].level != "good":
         # It is being opened, or was played to its end: no fault, but not measuring either.
         lacking = {"device": parts["device"], **lacking}
-    return [
-        DeviceLackDocument(lacks=part, message=one.message, hint=one.hint, cause_code=one.cause_code)
-        for part, one in lacking.items()
-    ]
+    return [assembled(DeviceLackDocument, one, lacks=part) for part, one in lacking.items()]
 
 
 def _gravity(part: HealthPartDocument) -> int:
@@ -158,7 +163,7 @@ def _signal(status: DeviceStatus) -> HealthPartDocument:
 def _rate(instrument: Instrument) -> HealthPartDocument:
     rate_hz, stream = instrument.board.rate_hz, instrument.board.now.stream
     if rate_hz is None or stream is None:
-        return HealthPartDocument(level="unknown", word="counting")
+        return _part("unknown", "counting")
     if _waits(instrument):
         return _UNKNOWN  # a source that waits for its reader has no rate
     wanted_hz = stream.rate_hz
@@ -168,12 +173,9 @@ def _rate(instrument: Instrument) -> HealthPartDocument:
     steady_hz = instrument.pipeline.steady_hz
     if steady_hz is not None and steady_hz < wanted_hz and abs(rate_hz / steady_hz - 1) <= _RATE_OFF:
         return _own_pace(steady_hz, stream, instrument.pipeline.rate_hz)
-    return HealthPartDocument(
-        level="bad" if off > _RATE_BAD else "warning",
-        word="off",
-        message=f"{rate_hz:.1f} fields a second arrive instead of {wanted_hz:g}",
-        hint="close other programs, unplug other USB devices, check the camera's standard",
-    )
+    message = f"{rate_hz:.1f} fields a second arrive instead of {wanted_hz:g}"
+    hint = "close other programs, unplug other USB devices, check the camera's standard"
+    return _part("bad" if off > _RATE_BAD else "warning", "off", message, hint)
 
 
 def _own_pace(steady_hz: float, stream: StreamInfo, followed_hz: float) -> HealthPartDocument:
@@ -200,14 +202,11 @@ def _lost(instrument: Instrument, clock: UtcClock) -> HealthPartDocument:
     now_ns = clock.now_ns()
     minute, lately = recent.within(now_ns), recent.within(now_ns, LATELY_S)
     if not minute.lost:
-        return HealthPartDocument(level="good", word="none")
-    return HealthPartDocument(
-        level="bad" if lately.share > _LOST_BAD else "warning",
-        word="some",
-        message=f"{minute.lost} of {minute.due} fields of the last minute were lost or damaged, "
-        f"{lately.lost} of them in the last {LATELY_S} s",
-        hint="close other programs; use a shorter USB cable, straight into the computer",
-    )
+        return _part("good", "none")
+    message = f"{minute.lost} of {minute.due} fields of the last minute were lost or damaged, "
+    message += f"{lately.lost} of them in the last {LATELY_S} s"
+    hint = "close other programs; use a shorter USB cable, straight into the computer"
+    return _part("bad" if lately.share > _LOST_BAD else "warning", "some", message, hint)
 
 
 def _computer(instrument: Instrument) -> HealthPartDocument:
@@ -230,50 +229,36 @@ def _ring(instrument: Instrument) -> HealthPartDocument:
     share = ring.waiting / ring.slots
     if share < _RING_FULL:
         return _GOOD
-    return HealthPartDocument(
-        level="bad" if share >= _RING_BAD else "warning",
-        word="full",
-        message=f"{ring.waiting} of the ring's {ring.slots} slots wait for a reader",
-        hint="close other programs, or close live pictures: the computer does not keep up",
-    )
+    message = f"{ring.waiting} of the ring's {ring.slots} slots wait for a reader"
+    hint = "close other programs, or close live pictures: the computer does not keep up"
+    return _part("bad" if share >= _RING_BAD else "warning", "full", message, hint)
 
 
 def _disk(storage: StorageDocument) -> HealthPartDocument:
     left = storage.minutes_left
     if left is None:
-        return HealthPartDocument(
-            level="bad",
-            word="broken",
-            message=storage.problem or "the disk cannot be read",
-            hint="check the disk that holds the captures",
-            cause_code=storage.cause_code,
-        )
+        problem = storage.problem or "the disk cannot be read"
+        return _part("bad", "broken", problem, "check the disk that holds the captures", storage.cause_code)
     if left >= _DISK_SHORT_MIN:
         return _GOOD
-    return HealthPartDocument(
-        level="bad" if left < _DISK_BAD_MIN else "warning",
-        word="short" if left > 0 else "full",
-        message=f"the disk has room for {left:.0f} minutes of capturing",
-        hint="download captures, then delete them here",
-    )
+    level: HealthLevel = "bad" if left < _DISK_BAD_MIN else "warning"
+    message = f"the disk has room for {left:.0f} minutes of capturing"
+    hint = "download captures, then delete them here"
+    return _part(level, "short" if left > 0 else "full", message, hint)
 
 
 def _calibration(instrument: Instrument) -> HealthPartDocument:
     documents = instrument.setup.documents
     if not documents.get("calibration"):
         hint = "calibrate, or activate a calibration"
-        return _unusable("none", "it has no calibration", hint, Cause.NO_CALIBRATION)
+        return _part("bad", "none", "it has no calibration", hint, Cause.NO_CALIBRATION)
     if not documents.get("object"):
         hint = "name one in the configuration"
-        return _unusable("noObject", "it has no object model", hint, Cause.NO_OBJECT)
+        return _part("bad", "noObject", "it has no object model", hint, Cause.NO_OBJECT)
     if misfit := instrument.misfit:
         hint = "check camera and standard, or calibrate with these pictures"
-        return _unusable("misfit", misfit, hint, Cause.CALIBRATION_MISFIT)
+        return _part("bad", "misfit", misfit, hint, Cause.CALIBRATION_MISFIT)
     return _GOOD
-
-
-def _unusable(word: str, message: str, hint: str, code: Cause) -> HealthPartDocument:
-    return HealthPartDocument(level="bad", word=word, message=message, hint=hint, cause_code=code)
 
 
 def _measurement(instrument: Instrument, clock: UtcClock) -> HealthPartDocument:
@@ -284,20 +269,21 @@ def _measurement(instrument: Instrument, clock: UtcClock) -> HealthPartDocument:
     points, targets = len(live.measured.points), len(setup.object_model.target)
     age_ns = clock.now_ns() - live.measured.time_ns
     if age_ns > CURRENT_NS:
-        return HealthPartDocument(
-            level="warning",
-            word="behind",
-            message=f"the newest points are {age_ns / 1e9:.0f} s old",
-            hint="close other programs: the computer does not keep up; a capture's points are measured later",
-        )
+        hint = "close other programs: the computer does not keep up; a capture's points are measured later"
+        return _part("warning", "behind", f"the newest points are {age_ns / 1e9:.0f} s old", hint)
     if points >= _FEW_TARGETS * targets:
         return _GOOD
-    return HealthPartDocument(
-        level="warning",
-        word="few" if points else "none",
-        message=f"{points} of the object's {targets} targets have a point",
-        hint="look at the live picture: light, focus, something in the way, or no object",
-    )
+    message = f"{points} of the object's {targets} targets have a point"
+    hint = "look at the live picture: light, focus, something in the way, or no object"
+    return _part("warning", "few" if points else "none", message, hint)
+
+
+_RIG_LEVELS: Mapping[RigVerdict, HealthLevel] = {
+    RigVerdict.CORRECTED: "good",
+    RigVerdict.DOUBTFUL: "warning",
+    RigVerdict.MOVED: "bad",
+    RigVerdict.UNMATCHED: "bad",
+}
 
 
 def _rig(instrument: Instrument) -> HealthPartDocument:
@@ -305,24 +291,19 @@ def _rig(instrument: Instrument) -> HealthPartDocument:
     if fit is None or fit.verdict is RigVerdict.UNKNOWN:
         return _UNKNOWN
     if fit.verdict is RigVerdict.FITS:
-        return HealthPartDocument(level="good", word="fits")
-    return HealthPartDocument(
-        level="warning" if fit.verdict is RigVerdict.DOUBTFUL else "bad",
-        word=str(fit.verdict),
-        message=instrument.worker.rig.problem or "",
-        hint=WHAT_TO_DO,
-    )
+        return _part("good", "fits")
+    problem = instrument.worker.rig.problem or ""
+    return _part(_RIG_LEVELS[fit.verdict], str(fit.verdict), problem, WHAT_TO_DO)
 
 
 def _order(instrument: Instrument) -> HealthPartDocument:
     found = instrument.worker.field_order.document
     word = str(found.order) if found else "unknown"
     if word == "right":
-        return HealthPartDocument(level="good", word=word)
+        return _part("good", word)
     if found is None or found.problem is None:
-        return HealthPartDocument(level="unknown", word=word)
-    message, hint = found.problem
-    return HealthPartDocument(level="bad", word=word, message=message, hint=hint)
+        return _part("unknown", word)
+    return _part("bad", word, *found.problem)
 
 
 def _records(around: Surroundings) -> HealthPartDocument:
@@ -331,23 +312,13 @@ def _records(around: Surroundings) -> HealthPartDocument:
     worst = next((one for one in around.faults if one.cause_code != of_disk), None)
     if worst is None:
         return _GOOD
-    return HealthPartDocument(
-        level="bad" if worst.level == "fault" else "warning",
-        word=worst.level,
-        message=worst.message,
-        hint=worst.hint,
-        cause_code=worst.cause_code,
-        since_utc=worst.since_utc,
-    )
+    level = "bad" if worst.level == "fault" else "warning"
+    return assembled(HealthPartDocument, worst, level=level, word=worst.level)
 
 
 def _clock(clock: UtcClock) -> HealthPartDocument:
     now_utc = clock.utc_now()
     if now_utc.year >= _EARLIEST:
         return _GOOD
-    return HealthPartDocument(
-        level="warning",
-        word="unset",
-        message=f"the computer's clock is not set: it shows {now_utc:%Y-%m-%d}, and captures carry that date",
-        hint="set it, or let it reach a time server",
-    )
+    message = f"the computer's clock is not set: it shows {now_utc:%Y-%m-%d}, and captures carry that date"
+    return _part("warning", "unset", message, "set it, or let it reach a time server")

@@ -14,20 +14,20 @@ from grabberd.core.ledger import LossCause, Outcome, Rebase
 from grabberd.documents.devices import (
     ComputerDocument,
     DeviceDocument,
+    FaultDocument,
     LastMinute,
     RingDocument,
     ViewColumnsDocument,
 )
-from grabberd.documents.document import JsonObject
+from grabberd.documents.document import JsonObject, assembled
 from grabberd.documents.enums import Rung
-from grabberd.documents.health import FaultDocument
 from grabberd.instrument.acquisition import StreamInfo
 from grabberd.instrument.active_calibrations import ActiveCalibrations
 from grabberd.instrument.device.scheduling import Standstills
 from grabberd.instrument.device.worker import Worker
 from grabberd.instrument.instrument import Instrument
+from grabberd.instrument.live.field_streams import live_document
 from grabberd.instrument.live.health import Surroundings, device_health, lacks_of
-from grabberd.instrument.live.newest_field import live_document
 
 
 def device_document(
@@ -45,31 +45,22 @@ def device_document(
     running, armed, sealing = captures.running, captures.armed, captures.sealing
     capture = running or armed
     views = instrument.setup.config.rig.views
-    return DeviceDocument(
+    return assembled(
+        DeviceDocument,
+        status,
         name=instrument.name,
-        state=status.state,
-        since_utc=status.since_utc,
-        cause=status.cause,
-        hint=status.hint,
         cause_code=status.code,
         driver=instrument.setup.config.driver,
         stream=_stream(status.stream) if status.stream else None,
-        signal=status.signal,
         rate_hz=None if rate_hz is None else round(rate_hz, 1),
         fields={outcome: status.outcomes[outcome] for outcome in Outcome},
         losses={cause: status.losses[cause] for cause in LossCause},
         last_minute=LastMinute(**instrument.board.recent.within(around.clock.now_ns())._asdict()),
         rebases={kind: status.rebases[kind] for kind in Rebase},
         computer=_computer(instrument.board.standstills),
-        openings=status.openings,
         recoveries={rung: status.recoveries[rung] for rung in Rung},
-        last_failure=status.last_failure,
-        last_failure_utc=status.last_failure_utc,
         ring=_ring(instrument),
-        views={
-            name: ViewColumnsDocument(first_column=one.first_column, end_column=one.end_column)
-            for name, one in views
-        },
+        views={name: assembled(ViewColumnsDocument, one) for name, one in views},
         calibration=active.document(instrument),
         lacks=lacks_of(health.parts),
         health=health,
@@ -107,14 +98,8 @@ def _computer(standstills: Standstills) -> ComputerDocument:
 
 def _ring(instrument: Instrument) -> RingDocument:
     ring = instrument.pipeline.ring
-    return RingDocument(
-        slots=ring.slots,
-        bits=ring.bits,
-        lines=None if instrument.pipeline.is_progressive else ring.lines,
-        threshold=instrument.pipeline.thresholds.in_force.level,
-        waiting=ring.waiting,
-        deepest=ring.deepest,
-    )
+    lines = None if instrument.pipeline.is_progressive else ring.lines
+    return assembled(RingDocument, ring, lines=lines, threshold=instrument.pipeline.thresholds.in_force.level)
 
 
 def revision_of(instruments: Iterable[Instrument], faults: Iterable[FaultDocument]) -> Hashable:

@@ -7,16 +7,20 @@ from datetime import datetime
 from itertools import chain
 from pathlib import Path
 
+import numpy as np
 from pydantic import ValidationError
 
 from grabberd import __version__
-from grabberd.archive.calibrations.calibration_frames import CALIBRATION_FRAME_KEYS, calibration_frame_model
+from grabberd.archive.calibrations.calibration_catalog import CALIBRATION_FRAME_KEYS, calibration_frame_model
 from grabberd.archive.capture.reader import CaptureReader
 from grabberd.archive.measure_setups import location_settings, misfit, nominal_rig, settings_of_capture
 from grabberd.bounded_documents import as_written
 from grabberd.clock import SystemClock, iso_utc
 from grabberd.config import RigConfig
-from grabberd.core.calibration import LENS, CheckLength, Mark
+from grabberd.core.calibration.adjustment.network import LENS
+from grabberd.core.calibration.identification.frame_identification import IdentificationSettings
+from grabberd.core.calibration.identification.manual_identification import Mark
+from grabberd.core.calibration.significance import CheckLength
 from grabberd.core.chain.calibration.acceptance.verdict import AcceptanceInputs, judge
 from grabberd.core.chain.calibration.calibrate import calibrate
 from grabberd.core.chain.calibration.calibration_result import CalibrateResult, CalibrateSettings
@@ -25,11 +29,12 @@ from grabberd.core.chain.locating import px_per_mm
 from grabberd.core.field import NumberedField
 from grabberd.core.geometry import PARAMETERS, Calibration, NominalRig
 from grabberd.core.measurement import LocationSettings
+from grabberd.core.measurement.marks import KEY as MARKS
 from grabberd.core.reconstruction import ObjectModel
 from grabberd.documents.calibration_reports import CalibrationReport
 from grabberd.documents.document import JsonObject
-from grabberd.documents.requests import CalibrationOptions, CertifiedLength
-from grabberd.errors import InputError
+from grabberd.documents.requests import CalibrationOptions, CaptureMark, CertifiedLength, TargetMark
+from grabberd.errors import InputError, said
 from grabberd.work.job_spec import Progress, counted, portion
 
 _LOCATED = 0.8
@@ -53,7 +58,7 @@ def calibrate_files(
     note: str | None = None,
     previous: JsonObject | None = None,
     rig: RigConfig | None = None,
-    by_hand: Sequence[Mark] | None = None,
+    by_hand: Sequence[Sequence[Mark]] = (),
 ) -> CalibrationOutput:
     """Calibrates from sealed captures; nothing is written.
 
@@ -65,14 +70,15 @@ def calibrate_files(
         note: Free text, kept with the calibration.
         previous: Document of the calibration to compare with.
         rig: The nominal rig; None for the one in the capture's own configuration.
-        by_hand: Identifications made by hand.
+        by_hand: Targets that are marked by hand in each capture, in order, besides those of the options.
 
     Raises:
         InputError: Calibration frame, options or rig are invalid.
         CaptureFileError: The capture cannot be read.
         MeasurementError: The capture determines no calibration; the message says why.
     """
-    model = calibration_frame_model(calibration_frame)
+    model = _without(calibration_frame_model(calibration_frame), options.dropped or ())
+    marks = list(_marks(options.marks or (), by_hand, paths))
     with CaptureReader(paths[0]) as reader:
         reader.check_unchanged(runs=())
         rig = rig or recorded_rig(reader)
@@ -86,10 +92,69 @@ def calibrate_files(
             _check_length(options, calibration_frame, model),
         )
         poses = (_of_rig(one, rig) for one in chain([fields], further))
-        result = calibrate(poses, nominal, model, settings, by_hand)
-        about = {**_about(reader, calibration_frame, note, rig), "other_captures": further.ids}
+        result = calibrate(poses, nominal, model, settings, marks)
+        about = {
+            **_about(reader, calibration_frame, note, rig),
+            "other_captures": further.ids,
+            "dropped": sorted(options.dropped or ()),
+        }
     report = CalibrationReport.model_validate(report_document(result, about, judge(result, known)))
     return CalibrationOutput(_calibration(result, about, report), report)
+
+
+def _without(model: ObjectModel, dropped: Sequence[int]) -> ObjectModel:
+    """The calibration frame without some of its targets.
+
+    Raises:
+        InputError: It does not have one of them.
+    """
+    if unknown := [one for one in dropped if one not in model.target]:
+        raise InputError(
+            f"calibration frame {model.name} has no target {', '.join(map(str, unknown))} to leave out",
+            "name targets by their ids in the calibration frame's file",
+        )
+    left = model.select(np.flatnonzero(~np.isin(model.target, dropped)))
+    if len(left) < (least := IdentificationSettings().least_targets):
+        raise InputError(
+            f"calibration frame {model.name} has {len(left)} targets without those to leave out; {least} "
+            "are needed",
+            "leave out fewer",
+        )
+    return left
+
+
+def as_mark(one: TargetMark) -> Mark:
+    """A mark as the calibration takes it."""
+    return Mark(one.view, one.target, one.x_px, one.y_px)
+
+
+def _marks(
+    given: Sequence[CaptureMark], by_hand: Sequence[Sequence[Mark]], paths: Sequence[Path]
+) -> Iterator[list[Mark]]:
+    """Yield the marks of each capture, in order.
+
+    Raises:
+        InputError: One is of another capture, or a capture has no list.
+    """
+    if by_hand and len(by_hand) != len(paths):
+        raise InputError(
+            f"there are marks of {len(by_hand)} captures, and {len(paths)} to calibrate from",
+            "give the marks of each capture in the order of the captures; a list of none has a header alone",
+        )
+    ids = [_capture_id(path) for path in paths] if given else [""] * len(paths)
+    if unknown := {one.capture for one in given if one.capture} - set(ids):
+        raise InputError(
+            f"targets are marked in capture {', '.join(sorted(unknown))}, which takes no part",
+            "mark targets of the captures that are named",
+        )
+    for number, capture in enumerate(ids):
+        own = [as_mark(one) for one in given if (one.capture or ids[0]) == capture]
+        yield [*own, *(by_hand[number] if by_hand else ())]
+
+
+def _capture_id(path: Path) -> str:
+    with CaptureReader(path) as reader:
+        return reader.meta.id
 
 
 def _of_rig(fields: Iterable[NumberedField], rig: RigConfig) -> Iterator[NumberedField]:
@@ -148,7 +213,7 @@ def recorded_rig(reader: CaptureReader) -> RigConfig:
         return RigConfig.model_validate(reader.meta.config.get("rig", {}))
     except ValidationError as error:
         raise InputError(
-            f"the capture's own configuration has no usable rig: {error.errors()[0]['msg']}",
+            f"the capture's own configuration has no usable rig: {said(error.errors()[0]['msg'])}",
             "name a configuration with the rig's nominal geometry",
         ) from error
 
@@ -170,6 +235,7 @@ def _settings(options: CalibrationOptions, location: LocationSettings) -> Calibr
         alpha=default.alpha if options.alpha is None else options.alpha,
         local_field=default.local_field if options.local_field is None else options.local_field,
         handedness=options.handedness,
+        turn_deg=options.turn_deg,
         location=location,
     )
 
@@ -196,7 +262,7 @@ def _check_length(
         where = ".".join(map(str, ("check_length", *first["loc"])))
         given_as = "" if isinstance(first["input"], dict) else f", not {first['input']!r}"
         raise InputError(
-            f"the calibration frame's {where}: {first['msg']}{given_as}", _WRITE_LENGTH
+            f"the calibration frame's {where}: {said(first['msg'])}{given_as}", _WRITE_LENGTH
         ) from error
     except ValueError as error:
         raise InputError(f"the calibration frame's check_length: {error}", _WRITE_LENGTH) from error
@@ -249,18 +315,33 @@ def _id(capture: str, created_utc: str) -> str:
     return f"{re.sub('[^0-9A-Za-z_-]+', '-', capture)[:50]}-{moment}"
 
 
+def _volume(report: CalibrationReport) -> JsonObject | None:
+    """The volume of the calibration frame's targets, and the pointing σ of one field there."""
+    if report.validity is None:
+        return None
+    return report.validity.model_dump(mode="json", include={"volume_mm", "pointing_px"})
+
+
 def _calibration(result: CalibrateResult, about: JsonObject, report: CalibrationReport) -> Calibration:
     """Builds the calibration; of its report it holds what a later reader of this file alone would ask for."""
     frame = result.frame
     details = {
         "capture": about["capture"],
-        "calibration_frame": {"name": frame.name, "targets": len(frame), "sigma_mm": frame.sigma_mm},
+        "calibration_frame": {
+            "name": frame.name,
+            "targets": len(frame),
+            "sigma_mm": frame.sigma_mm,
+            "turn_deg": result.identification.orientation.turn_deg,
+            "dropped": about["dropped"],
+        },
         **{key: about[key] for key in CALIBRATION_FRAME_KEYS},
         "note": about["note"],
         "version": about["version"],
         "sigma0": result.adjustment.sigma0,
+        "volume": _volume(report),
         **report.model_dump(mode="json", include={"settings", "tests", "dropped"}),
         **({"poses": report.model_dump(mode="json")["result"]["poses"]} if report.result.poses else {}),
+        **({MARKS: result.marks.to_document()} if result.marks else {}),
         "acceptance": report.acceptance.model_dump(mode="json", include={"verdict", "reasons"}),
     }
     source = f"capture {about['capture']['id']} of calibration frame {frame.name}"

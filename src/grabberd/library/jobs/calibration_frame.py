@@ -1,6 +1,6 @@
 """Captures of the calibration frame: the targets that one shows, and whether a calibration still holds."""
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from itertools import islice
 from pathlib import Path
@@ -8,17 +8,17 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from grabberd.archive.calibrations.calibration_frames import calibration_frame_model
+from grabberd.archive.calibrations.calibration_catalog import calibration_frame_model
 from grabberd.archive.capture.reader import CaptureReader
 from grabberd.archive.measure_setups import nominal_rig
-from grabberd.core.calibration import MeanImages
+from grabberd.core.calibration.mean_images import MeanImages
 from grabberd.core.chain.calibration.calibration_check import Check, CheckVerdict, check
 from grabberd.core.chain.calibration.frame_capture import identify
 from grabberd.core.field import NumberedField
 from grabberd.core.geometry import Calibration
 from grabberd.core.reconstruction import ObjectModel
 from grabberd.documents.calibration_reports import PixelAxes
-from grabberd.documents.document import JobProblem, JsonObject
+from grabberd.documents.document import JobProblem, JsonObject, assembled
 from grabberd.documents.jobs import (
     AxesDocument,
     CheckResult,
@@ -28,9 +28,11 @@ from grabberd.documents.jobs import (
     ImagePosition,
     Placement,
     ShownField,
+    SoughtTarget,
 )
-from grabberd.errors import NotReady
-from grabberd.library.jobs.calibration import recorded_location, recorded_rig
+from grabberd.documents.requests import TargetMark
+from grabberd.errors import AmbiguousView, MirroredPicture, NotReady
+from grabberd.library.jobs.calibration import as_mark, recorded_location, recorded_rig
 from grabberd.work.job_spec import Progress, counted, portion
 
 VIEWS = ("left", "right")
@@ -42,8 +44,21 @@ _LOCATED = 0.9
 """Share of the work that is location."""
 
 
-def identify_file(progress: Progress, path: Path, calibration_frame: JsonObject) -> IdentificationResult:
+def identify_file(
+    progress: Progress,
+    path: Path,
+    calibration_frame: JsonObject,
+    turn_deg: float | None = None,
+    marks: Sequence[TargetMark] = (),
+) -> IdentificationResult:
     """Identifies the targets in fields from the whole length of a sealed capture.
+
+    Args:
+        progress: Called with the share that is done.
+        path: The capture.
+        calibration_frame: Document of the calibration frame.
+        turn_deg: Its turn in the picture, if somebody has looked.
+        marks: Targets that somebody has marked.
 
     Raises:
         InputError: The calibration frame or the rig is invalid.
@@ -59,10 +74,12 @@ def identify_file(progress: Progress, path: Path, calibration_frame: JsonObject)
             nominal,
             model,
             replace(recorded_location(reader, nominal), method=QUICKEST),
+            turn_deg=turn_deg,
+            marked=[as_mark(one) for one in marks],
         )
         capture = reader.meta.id
     sides = zip(VIEWS, seen.images, seen.target, strict=True)
-    refusal = seen.refusal
+    refusal, found = seen.refusal, seen.identification
     return IdentificationResult(
         capture=capture,
         calibration_frame=model.name,
@@ -70,8 +87,26 @@ def identify_file(progress: Progress, path: Path, calibration_frame: JsonObject)
         picture=_picture(fields, seen.moved),
         views={name: _view(images, target, model) for name, images, target in sides},
         moved=seen.moved,
+        turn_deg=found.orientation.turn_deg if found else None,
+        handedness=dict(zip(VIEWS, found.handedness, strict=True)) if found else None,
+        mirrored=isinstance(refusal, MirroredPicture),
+        asks=_sought(refusal, model) if isinstance(refusal, AmbiguousView) else [],
         problem=JobProblem(message=refusal.message, hint=refusal.hint) if refusal else None,
     )
+
+
+def _sought(refusal: AmbiguousView, model: ObjectModel) -> list[SoughtTarget]:
+    """The targets that are asked for, with their places on the frame and those in the picture."""
+    places_mm = dict(zip(model.target.tolist(), model.xyz_mm.tolist(), strict=True))
+    return [
+        SoughtTarget(
+            target=one.id,
+            x_mm=places_mm[one.id][0],
+            y_mm=places_mm[one.id][1],
+            places=[ImagePosition(x_px=round(x, 2), y_px=round(y, 2)) for x, y in one.places_px],
+        )
+        for one in refusal.asks
+    ]
 
 
 def _spread(reader: CaptureReader) -> Iterator[NumberedField]:
@@ -153,6 +188,7 @@ def check_file(
             Calibration.from_document(document),
             recorded_location(reader, nominal),
             in_place=in_place,
+            turn_deg=(document.get("details", {}).get("calibration_frame") or {}).get("turn_deg"),
         )
         capture_id = reader.meta.id
     return _result(found, capture_id, document["id"], model.name, in_place=in_place)
@@ -161,7 +197,9 @@ def check_file(
 def _result(
     found: Check, capture_id: str, calibration_id: str, calibration_frame: str, *, in_place: bool
 ) -> CheckResult:
-    return CheckResult(
+    return assembled(
+        CheckResult,
+        found,
         capture=capture_id,
         calibration=calibration_id,
         calibration_frame=calibration_frame,
@@ -169,12 +207,7 @@ def _result(
         verdict=found.verdict.value,
         advice=ADVICE[found.verdict],
         reasons=list(found.reasons),
-        fields=found.fields,
-        seen=found.seen,
-        of=found.of,
         rmse=AxesDocument(**found.rmse._asdict()),
-        chi2=found.chi2,
-        parallax_px=found.parallax_px,
         shift_px=_by_view(found.shift_px),
         residual_px=_by_view(found.residual_px),
         as_placed=AxesDocument(**found.as_placed._asdict()),

@@ -7,9 +7,9 @@ from dataclasses import replace
 
 from grabberd.archive.state.calibration_store import CalibrationRecord, CalibrationStore
 from grabberd.clock import SystemClock, iso_utc
-from grabberd.documents.document import JsonObject
+from grabberd.documents.document import JsonObject, Turn
 from grabberd.documents.jobs import CalibrationResult, IdentificationResult
-from grabberd.documents.requests import CalibrationOptions, CaptureName
+from grabberd.documents.requests import CalibrationOptions, CaptureName, TargetMark
 from grabberd.errors import ExtraMissing
 from grabberd.work.job_spec import JobContext, JobSpec, Progress
 
@@ -91,9 +91,12 @@ class IdentificationJob(JobSpec):
 
     kind = "identify"
     calibration_frame: JsonObject
+    turn_deg: Turn | None = None
+    marks: tuple[TargetMark, ...] = ()
 
     def run(self, progress: Progress, context: JobContext) -> IdentificationResult:
         """Identifies them; see `identify_file`."""
         from grabberd.library.jobs.calibration_frame import identify_file  # noqa: PLC0415 - the daemon does without it
 
-        return identify_file(progress, context.file(self.subject), self.calibration_frame)
+        path = context.file(self.subject)
+        return identify_file(progress, path, self.calibration_frame, self.turn_deg, self.marks)

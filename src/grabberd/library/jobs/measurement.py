@@ -92,7 +92,8 @@ def measure_file(progress: Progress, *, path: Path, made_with: JsonObject) -> Me
         received = reader.received(and_damaged=made_with["settings"].get(INCLUDE_DAMAGED, False))
         fields = counted(received, reader.field_count, progress)
         tally = CoverageTally(setup.calibration, setup.object_model)
-        points = _counted_points(measure_fields(fields, setup, tally, FIELDS_AT_ONCE), counts, order)
+        measured = measure_fields(fields, setup, tally, FIELDS_AT_ONCE, lambda _: reader.marks_before())
+        points = _counted_points(measured, counts, order)
         created = iso_utc(SystemClock().utc_now())
 
         def coverage() -> JsonObject:

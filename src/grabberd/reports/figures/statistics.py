@@ -245,3 +245,90 @@ def _errors(axes: "Axes", axis: str, points: Sequence[Mapping[str, Any]]) -> Non
     if axis == "x":
         axes.set_ylabel("error [mm]")
         axes.legend(loc="upper left", handlelength=1.2, borderaxespad=0.0)
+
+
+Document = Mapping[str, Any]
+
+_HATCH = "////"
+_HEIGHT_MM = 176.0
+_PAINTS = {"x": "#0072b2", "y": "#007a5a", "z": "#b34700"}
+_SPREAD = 4.0
+"""Greatest σ with a colour of its own, by the median inside of the volume: beyond it all are alike."""
+
+
+def validity_svg(validity: Document, label: str) -> Svg:
+    """Draw σ of points and of projections over both views, and σ of X, Y and Z over depth."""
+
+    def draw(canvas: "Figure") -> None:
+        views = validity["views"]
+        for column, (key, title) in enumerate(
+            (
+                ("point_mm", "σ of a point, XYZ [mm]"),
+                ("projection_px", "σ of the calibration in the picture [px]"),
+            )
+        ):
+            for index, view in enumerate(views):
+                left = (0.08 + 0.47 * column) + 0.19 * index
+                axes = canvas.add_axes((left, 0.48, 0.17, 0.46))
+                _picture(canvas, axes, view, sigma_lengths(view[key]), validity_colours(views, key))
+                axes.set_title(f"{title}\n{view['view']}" if not index else view["view"])
+                axes.tick_params(labelleft=not index)
+                if not index:
+                    axes.set_ylabel("frame line [px]")
+        _depths(canvas.add_axes((0.08, 0.07, 0.88, 0.27)), validity["depths"])
+
+    return drawn(draw, _HEIGHT_MM, label)
+
+
+def sigma_lengths(grids: Mapping[str, Sequence[Sequence[float | None]]]) -> Array:
+    """(rows, columns) σ of all axes together, NaN where one is not known."""
+    squares = [np.array(grid, np.float64) ** 2 for grid in grids.values()]
+    return np.sqrt(np.sum(squares, axis=0))
+
+
+def validity_colours(views: Sequence[Document], key: str) -> Array:
+    """Levels of colour that all views share: up to a multiple of what is usual in the volume."""
+    every = [(sigma_lengths(view[key]), np.array(view["inside"], bool)) for view in views]
+    known = np.concatenate([grid[np.isfinite(grid)] for grid, _ in every])
+    within = np.concatenate([grid[np.isfinite(grid) & inside] for grid, inside in every])
+    if not len(known):
+        return np.array([0.0, 1.0])
+    low = float(known.min())
+    high = min(float(known.max()), _SPREAD * float(np.median(within if len(within) else known)))
+    return np.linspace(low * 0.999, max(high, low * 1.02) * 1.001 + 1e-12, 9)
+
+
+def _picture(canvas: "Figure", axes: "Axes", view: Document, grid: Array, levels: Array) -> None:
+    columns, lines, inside = view["columns"], view["lines"], np.array(view["inside"], np.float64)
+    axes.set_xlim(columns[0] - 0.5, columns[-1] + 0.5)
+    axes.set_ylim(lines[-1] + 0.5, lines[0] - 0.5)
+    axes.set_facecolor("#f3f3f3")
+    axes.locator_params(nbins=4)
+    axes.set_xlabel("column [px]")
+    shown = np.ma.masked_invalid(grid)
+    if shown.count() >= 3:
+        filled = axes.contourf(columns, lines, shown, levels=levels, cmap="YlGnBu", extend="max")
+        box = axes.get_position()
+        scale = canvas.add_axes((box.x0, box.y0 - 0.065, box.width, 0.012))
+        bar = canvas.colorbar(filled, cax=scale, orientation="horizontal", format="%.2g")
+        bar.set_ticks([float(level) for level in levels[1::3]])
+        bar.ax.tick_params(labelsize=6)
+    axes.contourf(columns, lines, inside, levels=[-0.5, 0.5], colors="none", hatches=[_HATCH])
+    axes.contour(columns, lines, inside, levels=[0.5], colors=[FAINT], linewidths=0.7)
+
+
+def _depths(axes: "Axes", depths: Document) -> None:
+    z, inside = np.array(depths["z_mm"], np.float64), np.array(depths["inside"], bool)
+    for axis, paint in _PAINTS.items():
+        for share, line in (("total", "-"), ("calibration", (0, (4, 2)))):
+            values = np.array(depths[share][axis], np.float64)
+            axes.plot(z, values, color=paint, linestyle=line, label=f"{axis.upper()}, {share}")
+    axes.set_xlim(z[0], z[-1])
+    axes.set_ylim(0.0, 1.2 * axes.get_ylim()[1])
+    if inside.any():
+        for first, last in ((z[0], z[inside][0]), (z[inside][-1], z[-1])):
+            axes.axvspan(first, last, facecolor="none", edgecolor=FAINT, hatch=_HATCH, linewidth=0)
+    axes.set_xlabel("Z [mm]")
+    axes.set_ylabel("σ [mm]")
+    axes.set_title("σ over the volume's depth")
+    axes.legend(loc="upper center", ncols=6, handlelength=2.0, frameon=True, edgecolor="none", framealpha=1.0)

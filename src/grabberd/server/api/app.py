@@ -11,15 +11,14 @@ from starlette.concurrency import run_in_threadpool
 from grabberd import __version__
 from grabberd.extension import extensions, in_order, load
 from grabberd.server.api import problems
+from grabberd.server.api.answers import AnswerMemory
 from grabberd.server.api.contents import Contents
-from grabberd.server.api.guard.authentication import Attempts, Authenticator
+from grabberd.server.api.guard.authentication import Attempts, Authenticator, check_declared
 from grabberd.server.api.guard.front import Front
 from grabberd.server.api.guard.gate import Gate, HeadAsGet
 from grabberd.server.api.guard.limits import Streams
-from grabberd.server.api.guard.roles import check_declared
 from grabberd.server.api.idempotency import KeptSince
 from grabberd.server.api.openapi import describe
-from grabberd.server.api.problems import Refusal, answer_refusal
 from grabberd.server.api.readings import Readings
 from grabberd.server.api.routes import (
     calibrations,
@@ -79,9 +78,9 @@ def create_app(service: Service, front: Front | None = None) -> FastAPI:
     app.state.metrics = metrics.registry_of(service, lambda: streams.count)
     app.state.feeds = Feeds(service)
     app.state.readings = Readings(front.limits)
-    app.state.contents = Contents(front.limits)
+    app.state.answers = answers = AnswerMemory()
+    app.state.contents = Contents(front.limits, memory=answers)
     problems.install(app)
-    app.add_exception_handler(Refusal, answer_refusal)
     app.state.files = Files()
     app.state.site = Site()
     app.state.authenticator = authenticator = Authenticator(service.access, front.private, Attempts())

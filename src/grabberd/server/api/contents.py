@@ -13,6 +13,7 @@ import time
 from collections.abc import AsyncIterator, Callable, Coroutine
 from contextlib import suppress
 from dataclasses import replace
+from functools import partial
 from typing import Any, NamedTuple
 
 from starlette.responses import Response
@@ -22,8 +23,9 @@ from grabberd.archive.capture_contents import LIMITS, read
 from grabberd.config import HttpLimits
 from grabberd.errors import ReadingGivenUp
 from grabberd.files.patience import given_up
+from grabberd.server.api.answers import AnswerMemory, held, released_with
 from grabberd.server.api.problems import Refusal
-from grabberd.server.api.streams.downloads import download
+from grabberd.server.api.streams.downloads import Download, download
 from grabberd.server.daemon.descriptors import exhaustion
 from grabberd.work.child import Limits
 from grabberd.work.frames import HEAD, NUMBER, Answer, Call, Frame, Question, unpacked_error
@@ -256,16 +258,18 @@ class Content(NamedTuple):
     Attributes:
         read: One of `grabberd.archive.capture_contents.CONTENTS`.
         arguments: Its arguments.
-        response: Makes the response from content that is read as a whole.
-        media_type: Media type of content that is streamed.
-        name: File name of content that is streamed.
+        response: Makes the response from content that is needed as a whole, for its ETag.
+        media_type: Media type of any other.
+        name: File name of content that is downloaded.
+        weight: Memory that it takes at most, in bytes, until it has been sent.
     """
 
     read: Callable[..., Any]
     arguments: tuple[Any, ...]
-    response: Callable[[bytes], Response] = Response
+    response: Callable[[bytes], Response] | None = None
     media_type: str = ""
     name: str = ""
+    weight: int = 2 << 20
 
 
 class Contents:
@@ -275,10 +279,18 @@ class Contents:
         limits: Number of concurrent readings, and the time for each, waiting included.
         function: Called in the process with the content's name and arguments.
         idle_s: See `IDLE_S`.
+        memory: Memory that the answers take.
     """
 
-    def __init__(self, limits: HttpLimits, function: str = READ, idle_s: float = IDLE_S) -> None:
+    def __init__(
+        self,
+        limits: HttpLimits,
+        function: str = READ,
+        idle_s: float = IDLE_S,
+        memory: AnswerMemory | None = None,
+    ) -> None:
         self._limits = limits
+        self._memory = memory or AnswerMemory()
         self._function = function
         self._idle_s = idle_s
         self._reader: ContentReader | None = None
@@ -301,10 +313,21 @@ class Contents:
             receive: The request's `receive`, after its body has been read.
 
         Raises:
-            Refusal: 503, too many readings are waiting already.
+            Refusal: 503, too many readings are waiting already, or their answers take too much memory.
             ReadingGivenUp: The reading takes too long, or has ended the process.
             GrabberdError: The reading failed.
         """
+        hold = await self._memory.hold(content.weight)
+        try:
+            answer = await self._answer(content, receive)
+            if isinstance(answer, Download):
+                return released_with(answer, hold.release)
+            return held(answer, hold)
+        except BaseException:
+            hold.release()
+            raise
+
+    async def _answer(self, content: Content, receive: Receive) -> Response:
         reader = await self._ready()
         check_room(reader.count, self._limits)  # nothing else runs between this and `ask`
         until_s = self._until_s()
@@ -313,8 +336,10 @@ class Contents:
         answer = await _unless_left(reader, question, until_s, receive)
         self._used_s = time.monotonic()
         if answer.kind == Answer.WHOLE:
-            return content.response(answer.content)
+            return (content.response or partial(Response, media_type=content.media_type))(answer.content)
         opened = _Opened(reader, answer.number)
+        if content.response is not None:
+            return content.response(b"".join([piece async for piece in self._pieces(opened)]))
         response = download(opened, content.media_type, content.name)
         response.pieces = self._pieces
         return response

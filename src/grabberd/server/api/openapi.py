@@ -15,8 +15,7 @@ from typing import Any
 from fastapi import FastAPI
 
 from grabberd.documents.problems import Problem
-from grabberd.server.api.guard.authentication import COOKIE
-from grabberd.server.api.guard.roles import least_roles
+from grabberd.server.api.guard.authentication import COOKIE, least_roles
 
 SCHEMES = {
     "token": {"type": "http", "scheme": "bearer", "description": "As `grabberd token add` printed it."},

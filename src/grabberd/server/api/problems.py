@@ -68,6 +68,7 @@ def install(app: FastAPI) -> None:
     app.add_exception_handler(RequestValidationError, _of_request)
     app.add_exception_handler(HTTPException, _of_http)
     app.add_exception_handler(Exception, _of_fault)
+    app.add_exception_handler(Refusal, answer_refusal)
 
 
 def status_of(error: errors.GrabberdError) -> HTTPStatus:

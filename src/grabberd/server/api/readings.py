@@ -23,6 +23,7 @@ from starlette.types import Receive
 
 from grabberd.config import HttpLimits
 from grabberd.files.patience import CURRENT, Patience, check_patience
+from grabberd.server.api.answers import OF_A_READ, held, released_with
 from grabberd.server.api.contents import Content, Contents, check_room, client_left
 from grabberd.server.api.responses import rendered
 from grabberd.server.api.streams.downloads import Download
@@ -181,12 +182,21 @@ def reads(endpoint: Callable[..., Any]) -> Callable[..., Coroutine[Any, Any, Any
 
     async def read(*, request_of_read: Request, **parameters: Any) -> Any:
         readings: Readings = request_of_read.app.state.readings
-        answer = await readings.answer(lambda: rendered(endpoint(**parameters)), request_of_read.receive)
+        hold = await request_of_read.app.state.answers.hold(OF_A_READ)
+        try:
+            answer = await readings.answer(lambda: rendered(endpoint(**parameters)), request_of_read.receive)
+            if isinstance(answer, Response) and hasattr(answer, "body"):
+                return held(answer, hold)
+        except BaseException:
+            hold.release()
+            raise
+        if isinstance(answer, Download):
+            answer.pieces = readings.pieces
+            return released_with(answer, hold.release)
+        hold.release()
         if isinstance(answer, Content):
             contents: Contents = request_of_read.app.state.contents
             return await contents.answer(answer, request_of_read.receive)
-        if isinstance(answer, Download):
-            answer.pieces = readings.pieces
         return answer
 
     kind = inspect.Parameter.KEYWORD_ONLY

@@ -24,9 +24,8 @@ from fastapi import FastAPI
 
 from grabberd.config import TlsConfig
 from grabberd.errors import ConfigError, Problem
-from grabberd.server.api.guard.front import Front
+from grabberd.server.api.guard.front import Front, describe
 from grabberd.server.api.guard.limits import connection_class
-from grabberd.server.api.sockets import describe
 from grabberd.server.api.streams.feeds import Feeds
 from grabberd.server.daemon.descriptors import AT_ONCE, exhaustion
 from grabberd.server.daemon.service import Service

@@ -16,15 +16,15 @@ from starlette.datastructures import Headers
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from grabberd import __version__
-from grabberd.documents.state import HealthDocument, StateDocument
+from grabberd.documents.state import HealthDocument
 from grabberd.errors import GrabberdError
 from grabberd.instrument.device.worker import Live
 from grabberd.instrument.instrument import Instrument
-from grabberd.instrument.live.newest_field import newest_points
+from grabberd.instrument.live.field_streams import newest_points
 from grabberd.instrument.live.state import revision_of
+from grabberd.server.api.guard.authentication import is_declared
 from grabberd.server.api.guard.front import UNSAFE
-from grabberd.server.api.guard.roles import is_declared
-from grabberd.server.api.responses import JSON, REVALIDATE, etag_of, is_known
+from grabberd.server.api.responses import JSON, etag_of, tagged
 from grabberd.server.daemon.service import Service
 
 STATE_S = 0.2
@@ -45,10 +45,7 @@ class Snapshot(NamedTuple):
 
     def response(self, if_none_match: str | None) -> Response:
         """The document, or 304 if the client has it."""
-        headers = {"ETag": self.etag, "Cache-Control": REVALIDATE}
-        if is_known(self.etag, if_none_match):
-            return Response(status_code=304, headers=headers)
-        return Response(self.content, media_type=JSON, headers=headers)
+        return tagged(self.content, JSON, if_none_match, etag=self.etag)
 
 
 class _Making(NamedTuple):
@@ -135,7 +132,7 @@ class Snapshots:
     def __init__(self, service: Service) -> None:
         self._service = service
         self._changes = 0
-        self.state = Shared(self._state, self._revision, STATE_S)
+        self.state = Shared(service.state, self._revision, STATE_S)
         self.points = {name: NewestPointsSnapshot(one, service) for name, one in service.instruments.items()}
 
     def changed(self) -> None:
@@ -159,9 +156,6 @@ class Snapshots:
     async def health(self) -> Snapshot | None:
         """The health document; None if a capture thread is stuck."""
         return Snapshot.of(HealthDocument(version=__version__)) if self._service.liveness.is_well else None
-
-    def _state(self) -> StateDocument:
-        return self._service.state()
 
     def _revision(self) -> Hashable:
         service = self._service

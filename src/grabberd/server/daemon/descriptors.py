@@ -3,8 +3,9 @@
 import errno
 import logging
 import resource
-import time
 from collections.abc import Callable
+
+from grabberd import runtime
 
 log = logging.getLogger(__name__)
 
@@ -60,7 +61,7 @@ class Exhaustion:
         count: Number of failures since the start.
     """
 
-    def __init__(self, now_s: Callable[[], float] = time.monotonic) -> None:
+    def __init__(self, now_s: Callable[[], float] = runtime.monotonic) -> None:
         self.count = 0
         self._now_s = now_s
         self._logged = 0

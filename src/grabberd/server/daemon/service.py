@@ -1,25 +1,24 @@
-"""The service: all instruments, their captures and the jobs, used by the API and the commands."""
+"""The service: all instruments, their captures, the jobs and the parts of extensions."""
 
 import logging
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
+from contextlib import suppress
 from pathlib import Path
-from typing import Protocol
+from types import MappingProxyType
+from typing import Any, Protocol
 
 from grabberd import __version__
 from grabberd.archive.access import Access
 from grabberd.archive.calibrations.calibration_catalog import CalibrationCatalog, Document
 from grabberd.archive.capture.captures_folder import CapturesFolder
-from grabberd.archive.catalogue.annotations import CaptureAnnotations
-from grabberd.archive.catalogue.archive import Archive
-from grabberd.archive.catalogue.disk_guard import GB, DiskGuard
-from grabberd.archive.catalogue.retention import Policy, Retention
+from grabberd.archive.catalogue.archive import Archive, CaptureAnnotations
+from grabberd.archive.catalogue.capture_list import WidthCourses
+from grabberd.archive.catalogue.disk_guard import GB, DiskGuard, Policy, Retention
 from grabberd.archive.catalogue.scrub import Scrub
-from grabberd.archive.catalogue.width_courses import WidthCourses
 from grabberd.archive.state.calibration_store import CalibrationRecord
 from grabberd.archive.state.job_store import JobStore
-from grabberd.archive.state.state_backups import CAPTURES_FOLDER, STATE
 from grabberd.archive.state.state_database import AnnotationStore, IdempotencyStore, StateStore
-from grabberd.archive.state.state_keeper import StateKeeper
+from grabberd.archive.state.state_keeper import CAPTURES_FOLDER, STATE, StateKeeper
 from grabberd.clock import SystemClock, UtcClock, iso_utc
 from grabberd.config import Config, StorageConfig, default_config_file
 from grabberd.config.section import without_secrets
@@ -29,6 +28,7 @@ from grabberd.documents.devices import DeviceDocument
 from grabberd.documents.jobs import JobDocument
 from grabberd.documents.state import StateDocument, StorageDocument
 from grabberd.errors import ConfigError, Problem, StorageError
+from grabberd.extension import extensions, load
 from grabberd.fault_board import FaultBoard
 from grabberd.instrument.active_calibrations import ActiveCalibrations
 from grabberd.instrument.capture.capture_control import CaptureControl
@@ -45,11 +45,106 @@ from grabberd.instrument.live.state import device_document
 from grabberd.instrument.settings import Settings, configuration_document
 from grabberd.instrument.setup import DeviceSetup, configured_calibrations
 from grabberd.server.daemon.jobs import KINDS, JobContexts
-from grabberd.server.daemon.service_part import ServiceParts
-from grabberd.server.daemon.upkeep import Upkeep
+from grabberd.server.daemon.upkeep import STATE_EVERY, Upkeep
 from grabberd.work.job_queue import JobQueue
 from grabberd.work.job_runner import JobRunner
 from grabberd.work.process import Processes
+
+
+class ServicePart:
+    """Stores and state of an extension, and its reactions to events of captures and jobs.
+
+    Every method does nothing by default.
+
+    Attributes:
+        folders: Folders for the results of its jobs, by the names that the jobs use.
+    """
+
+    folders: Mapping[str, Path] = MappingProxyType({})
+
+    def open(self) -> None:
+        """Opens its stores; their folders and the database already exist.
+
+        Raises:
+            StorageError: The state directory cannot be used.
+        """
+
+    def start(self) -> None:
+        """Takes over the jobs of the previous run, just before captures can start."""
+
+    def stop(self) -> None:
+        """Stops what it has started; all captures and threads of the service have ended."""
+
+    def capture_fields(self, capture_id: str) -> Mapping[str, object]:
+        """Its fields of a capture's document."""
+        return {}
+
+    def device_fields(self, device: str) -> Mapping[str, object]:
+        """Its fields of a device's document, from memory: reading the state never waits for a disk."""
+        return {}
+
+    def state_fields(self) -> Mapping[str, object]:
+        """Its fields of the service's state, from memory."""
+        return {}
+
+    def analysed(self, captures: Collection[str] | None) -> Collection[str]:
+        """The captures for which it has results, among these or, with None, among all."""
+        return ()
+
+    def sealed(self, capture_id: str, device: str) -> None:
+        """Called when a capture is sealed; must return at once."""
+
+    def job_ended(self, job: JobDocument, captures: Sequence[str]) -> None:
+        """Called when a job has ended, with the captures that it should have analysed."""
+
+    def removed(self, capture_id: str) -> None:
+        """Removes its results for a capture that is being deleted.
+
+        Raises:
+            StorageError: They cannot be removed.
+        """
+
+    def look(self) -> None:
+        """Does its periodic work; called once a second."""
+
+    def keep(self) -> None:
+        """Stores its active state again after the state database was recovered from a backup.
+
+        Raises:
+            StorageError: The state cannot be written.
+        """
+
+
+class ServiceParts(dict[str, ServicePart]):
+    """The parts of all extensions, by the extension's name; empty until `make` is called."""
+
+    def make(self, service: Any) -> None:
+        """Creates the parts for a `Service` whose stores and archive exist."""
+        self.update((one.name, load(one.part)(service)) for one in extensions() if one.part)
+
+    @property
+    def folders(self) -> dict[str, Path]:
+        """Folders for the results of extensions' jobs."""
+        return {name: folder for part in self.values() for name, folder in part.folders.items()}
+
+    def state_fields(self) -> dict[str, object]:
+        """Fields that they add to the service's state."""
+        return {name: value for part in self.values() for name, value in part.state_fields().items()}
+
+    def fields(self, capture_id: str) -> dict[str, object]:
+        """Fields that they add to a capture's document."""
+        return {
+            name: value for part in self.values() for name, value in part.capture_fields(capture_id).items()
+        }
+
+    def device_fields(self, device: str) -> dict[str, object]:
+        """Fields that they add to a device's document."""
+        return {name: value for part in self.values() for name, value in part.device_fields(device).items()}
+
+    def analysed(self, captures: Collection[str] | None) -> set[str]:
+        """The captures for which any of them has results, among these or, with None, among all."""
+        return {one for part in self.values() for one in part.analysed(captures)}
+
 
 log = logging.getLogger(__name__)
 
@@ -146,8 +241,16 @@ class Service:
         policy, delete = Policy.from_config(storage.retention), self.annotations.delete
         self.retention = Retention(self.archive, policy, self._disk, clock, self._spared, delete)
         self.scrub = Scrub(self.archive, self.state_store, faults, clock, self._is_recording)
-        looks = *(part.look for part in self.parts.values()), self.width_courses.look
-        self.upkeep = Upkeep(self.archive, self.unsealed, self.state_keeper, self.loggers, looks)
+        self.upkeep = Upkeep(
+            [
+                (self._check_folder, 1),
+                (self.unsealed.retry, 1),
+                (self.loggers.look, 1),
+                (self.state_keeper.look, STATE_EVERY),
+                *((part.look, 1) for part in self.parts.values()),
+                (self.width_courses.look, 1),
+            ]
+        )
         # In the order in which they are started; they are stopped in the reverse order.
         devices = self.instruments.values()
         self._threads: tuple[_Threads, ...] = (self.loggers, *devices, self.retention, self.scrub)
@@ -185,6 +288,11 @@ class Service:
             folder=folder,
             faults=self.faults,
         )
+
+    @property
+    def config_file(self) -> Path | None:
+        """The configuration's file; None without one."""
+        return self.config[1] if self.config else None
 
     @classmethod
     def from_config(
@@ -342,6 +450,10 @@ class Service:
         self.active.keep()
         for part in self.parts.values():
             part.keep()
+
+    def _check_folder(self) -> None:
+        with suppress(StorageError):
+            self.archive.check()
 
     def _is_recording(self) -> bool:
         return bool(self._current.recordings())

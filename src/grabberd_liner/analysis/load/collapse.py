@@ -11,14 +11,14 @@ from typing import NamedTuple
 
 import numpy as np
 
+from grabberd.core.arrays import Array, Mask
 from grabberd.core.reconstruction import Points
 from grabberd.errors import AnalysisError
 from grabberd_liner.analysis.estimate import Estimate
 from grabberd_liner.analysis.grid import Grid
-from grabberd_liner.analysis.load.load_prior import Difference
 from grabberd_liner.analysis.load.mounting import Mounting
+from grabberd_liner.analysis.load.wall_model import Difference
 from grabberd_liner.analysis.wall.material import Material
-from grabberd_liner.arrays import Array, Mask
 
 _TERMS = 3
 """Of a row's height round the wall: level, slope, bend."""

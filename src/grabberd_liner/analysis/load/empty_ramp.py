@@ -10,6 +10,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from grabberd.core.arrays import Array, Mask
 from grabberd.core.geometry import Rig
 from grabberd.core.reconstruction import Points
 from grabberd.errors import AnalysisError
@@ -17,11 +18,10 @@ from grabberd_liner.analysis.estimate import Estimate, Finding, Quantity
 from grabberd_liner.analysis.grid import Grid
 from grabberd_liner.analysis.load.collapse import Collapse, RampLevel, row_heights
 from grabberd_liner.analysis.load.load_fit import MISFIT_ALARM
-from grabberd_liner.analysis.load.load_prior import TubePrior
 from grabberd_liner.analysis.load.mounting import Mounting
 from grabberd_liner.analysis.load.ramp_fit import TUBE_VALUES, EmptyWall, Ramp, fit_ramp
+from grabberd_liner.analysis.load.wall_model import TubePrior
 from grabberd_liner.analysis.wall.material import Material
-from grabberd_liner.arrays import Array, Mask
 
 LEAST_LEVELS = 4
 """Buckled levels that are needed; fewer cannot contradict each other."""

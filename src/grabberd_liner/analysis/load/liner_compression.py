@@ -5,20 +5,20 @@ from typing import NamedTuple
 
 import numpy as np
 
+from grabberd.core.arrays import Array, Mask
 from grabberd.errors import AnalysisError
 from grabberd_liner.analysis.estimate import Estimate, Finding, Joint, Quantity
-from grabberd_liner.analysis.load.closed_liner import (
+from grabberd_liner.analysis.load.load_profile import (
     END_SHARE,
     TEAT_END_MM,
     ChosenHeights,
+    LoadProfile,
     TeatHeights,
     mean_profile,
     phase_weights,
     teat_heights,
 )
-from grabberd_liner.analysis.load.load_profile import LoadProfile
 from grabberd_liner.analysis.pulsation.phases import Phases
-from grabberd_liner.arrays import Array, Mask
 
 COMPRESSION_SHARE, LOAD_SHARE = 0.08, 0.04
 """σ of the estimator itself by the value, on walls solved as solids, beyond that of its inputs and noise.

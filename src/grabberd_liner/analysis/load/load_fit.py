@@ -13,13 +13,12 @@ from typing import NamedTuple
 import numpy as np
 from scipy.linalg import LinAlgError, blas, cho_factor, cho_solve, lapack
 
+from grabberd.core.arrays import Array
 from grabberd.errors import AnalysisError
 from grabberd_liner.analysis.estimate import Joint
-from grabberd_liner.analysis.load.load_prior import MPA_PER_KPA, Difference
 from grabberd_liner.analysis.load.targets import Sights
-from grabberd_liner.analysis.load.wall_model import Linearised, State, WallModel
+from grabberd_liner.analysis.load.wall_model import MPA_PER_KPA, Difference, Linearised, State, WallModel
 from grabberd_liner.analysis.wall.splines import Basis
-from grabberd_liner.arrays import Array
 
 STEPS = 60
 """Of Gauss and Newton; from the open wall to a closed one some twenty are taken."""

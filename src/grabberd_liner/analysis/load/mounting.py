@@ -7,6 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from grabberd.core.arrays import Array, Indices, Mask
 from grabberd.core.geometry import Rig
 from grabberd.core.reconstruction import Points
 from grabberd.errors import AnalysisError
@@ -14,7 +15,6 @@ from grabberd_liner.analysis.grid import Grid, NominalShape
 from grabberd_liner.analysis.load.targets import SightLines, Sights, TargetPlaces, Targets
 from grabberd_liner.analysis.wall.half_tube import HalfTube, MountedTube
 from grabberd_liner.analysis.wall.material import Material
-from grabberd_liner.arrays import Array, Indices, Mask
 
 _DEPARTURE_MM, _SMOOTH_MM = 0.2, 15.0
 """Departure of a mounted wall from a cone, and the length over which it changes."""

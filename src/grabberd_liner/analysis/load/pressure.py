@@ -1,18 +1,36 @@
-"""The liner's pressure on the teat as a map, and its first touch: where and when the wall begins to press."""
+"""The liner's pressure on the teat as a map, and its first touch: where and when the wall begins to press.
+
+From a field's points to the pressure on the teat, by the wall's equilibrium, state after state of a
+capture.
+
+A linearised model holds for about a millimetre round its state: there it gives the load to a tenth of its σ
+in a hundredth of the time. A cycle passes through some dozen such states, again and again, so the capture's
+length hardly counts. Loads are best sought in the order of the wall's departure, from state to state nearby.
+"""
 
 import re
 from collections import Counter
 from collections.abc import Sequence
 from itertools import pairwise
+from sys import intern
 from typing import NamedTuple
 
 import numpy as np
 
+from grabberd.core.arrays import Array, Mask
+from grabberd.core.geometry import Rig
+from grabberd.core.reconstruction import Points
 from grabberd.errors import AnalysisError
 from grabberd_liner.analysis.estimate import Estimate
-from grabberd_liner.analysis.load.load_profile import LoadProfile
-from grabberd_liner.analysis.load.wall_surfaces import MiddleSurface
-from grabberd_liner.arrays import Array, Mask
+from grabberd_liner.analysis.grid import Grid
+from grabberd_liner.analysis.load.load_fit import MISFIT_ALARM, Posterior, Response, fit_load, posterior
+from grabberd_liner.analysis.load.load_profile import LoadProfile, Sections, is_empty, profile_heights
+from grabberd_liner.analysis.load.mounting import Mounting
+from grabberd_liner.analysis.load.targets import Sights
+from grabberd_liner.analysis.load.wall_model import Difference, LoadPrior, TubePrior, WallModel
+from grabberd_liner.analysis.load.wall_surfaces import FaceLattice, MiddleSurface, MiddleSurfaces, OuterFace
+from grabberd_liner.analysis.surface.fitting import LARGEST_SHARE_OUT, OUTLYING
+from grabberd_liner.analysis.wall.material import Material, Zone
 
 _VALUES = re.compile(r" of \S+ kPa| \([^)]*\)")
 """Parts of a reason that differ from target to target."""
@@ -131,3 +149,265 @@ def first_touch(maps: Sequence[PressureMap]) -> Touch:
 
 def _ratio(one: PressureMap) -> Array:
     return np.where(one.usable, one.contact_kpa.value / one.contact_kpa.sigma, -np.inf)
+
+
+REACH_MM = 0.8
+"""Movement of the wall within which a linearised model holds: at 1 mm contact pressures err by up to .2 σ."""
+_MOST = 2
+"""Linearised models kept, of 24 MB each: enough for states in the order of the wall's departure."""
+
+
+class LoadSeries:
+    """The loads of one wall.
+
+    Attributes:
+        model: the wall's.
+    """
+
+    def __init__(self, model: WallModel) -> None:
+        """Begins without any state."""
+        self.model = model
+        self._known: list[Response] = []
+
+    def load(self, sights: Sights, difference: Difference) -> Posterior:
+        """The load in one state.
+
+        Raises:
+            AnalysisError: the wall does not settle.
+        """
+        found = self._near_known(sights, difference)
+        if found is None or found.j > MISFIT_ALARM:
+            begun = self._begun(sights, difference)
+            if found is None or begun.j < found.j:
+                found = begun
+        if not any(found.response is known for known in self._known):
+            self._known = [*self._known[1 - _MOST :], found.response]
+        return found
+
+    def _near_known(self, sights: Sights, difference: Difference) -> Posterior | None:
+        """The load, sought from the nearest state that is known; None if it is not found from there."""
+        if not self._known:
+            return None
+        try:
+            found = posterior(self._nearest(sights), sights, difference)
+            if found.longest_mm < REACH_MM:
+                return found
+            return fit_load(self.model, sights, difference, found.moved(REACH_MM / found.longest_mm))[0]
+        except AnalysisError:
+            return None  # the open wall is a safer start, and decides whether there is a load at all
+
+    def _begun(self, sights: Sights, difference: Difference) -> Posterior:
+        """The load, sought from the open wall; first by the targets that both views see.
+
+        From afar, a ray that a target may slide along leads into a wrong fold.
+        """
+        of_points = sights.of_both_views()
+        found, _ = fit_load(self.model, of_points, difference)
+        if len(of_points) == len(sights):
+            return found
+        return fit_load(self.model, sights, difference, found.moved())[0]
+
+    def _nearest(self, sights: Sights) -> Response:
+        places_mm = np.stack([one.linear.places_mm.ravel() for one in self._known])
+        away = np.abs(sights.value - sights.of_places(places_mm)).max(axis=1)
+        return self._known[int(np.argmin(away))]
+
+
+UNSEEN = ("free", "mirrored")
+"""What is taken for the half of the wall that no camera sees: nothing, or the seen half's mirror image."""
+FASTEST_MM_PER_S = 300.0
+"""Speed beyond which a wall is not in equilibrium. Its inertia is .15 kPa there, with 7 mm of milk behind it
+.6 kPa, and both grow with the square of the speed."""
+_EXACT = 1e-4
+"""σ in kPa of a pressure difference that is given as exact."""
+_ARC_MM = 10.0
+"""How far round the wall from its middle a compression is averaged, if targets reach as far: on its teat, a
+wall is hardly flat for longer."""
+_MEAN_SHARE = 0.06
+"""Share by which a mean errs beyond its covariance: what a prior that is one for all teats makes of each."""
+_FAR = "no targets near enough"
+_EMPTY = "opposite walls meet wherever the liner presses: it presses itself, there is no teat in it"
+
+
+class SettledWall(NamedTuple):
+    """The wall in equilibrium at one field.
+
+    Attributes:
+        found: the wall; `free`: with a free hidden half, where `found` takes it for a mirror image.
+        left_out: indices of targets that the others contradict.
+        alone: (N,) True for targets that one view alone sees, and the others do not contradict.
+    """
+
+    found: Posterior
+    free: Posterior | None
+    left_out: tuple[int, ...]
+    alone: Mask
+
+    @property
+    def contradicted(self) -> bool:
+        """True if points and wall contradict each other."""
+        return self.found.j > MISFIT_ALARM
+
+
+class PressureModel:
+    """Common part of a capture's pressure maps: the mounted wall, and the states it has been in."""
+
+    def __init__(
+        self,
+        grid: Grid,
+        zones: Sequence[Zone],
+        reference: Points | None,
+        sought_kpa: float,
+        unseen: str = "free",
+        rig: Rig | None = None,
+    ) -> None:
+        """Mounts the liner.
+
+        Args:
+            grid: targets of the object model.
+            zones: material of the wall; one for all of it.
+            reference: targets of the open liner; None for the object model's.
+            sought_kpa: smallest pressure that the map has to resolve; if σ exceeds both this and the
+                pressure, the target has no pressure.
+            unseen: one of `UNSEEN`. A mirror image has a smaller σ, which is too small where the teat stands
+                off the middle; so every map is then compared with that of a free half.
+            rig: whose views saw the points; None if targets that one view alone sees are of no use.
+
+        Raises:
+            AnalysisError: the inputs make no wall whose equilibrium can be computed.
+        """
+        material = _material(zones)
+        self._grid, self._sought_kpa = grid, sought_kpa
+        self._mounting = Mounting.of(grid, material, reference, rig)
+        self._series = self._of(material, mirrored=unseen == "mirrored")
+        self._compared = self._of(material, mirrored=False) if unseen == "mirrored" else None
+        self._middle = MiddleSurfaces(self._series.model, material)
+        self._lattice = FaceLattice(grid, self._mounting)
+        self._sections: Sections | None = None
+
+    def _of(self, material: Material, mirrored: bool) -> LoadSeries:
+        half, targets = self._mounting.half, self._mounting.targets
+        return LoadSeries(WallModel(half, targets, LoadPrior(), TubePrior.of(material), mirrored))
+
+    def settled(self, points: Points, vacuum: ChamberVacuum) -> SettledWall:
+        """The wall in equilibrium at one field, without points that the others contradict.
+
+        Args:
+            points: of the field.
+            vacuum: at the field.
+
+        Raises:
+            AnalysisError: the wall has no equilibrium with these points.
+        """
+        difference = Difference(vacuum.difference_kpa, max(vacuum.difference_sigma_kpa, _EXACT))
+        sights = self._mounting.sights(points, self._grid)
+        found, left_out = _without_outliers(self._series.load(sights, difference))
+        free = self._compared.load(found.sights, difference) if self._compared else None
+        alone = self._mounting.seen_alone(points, self._grid)
+        alone[list(left_out)] = False
+        return SettledWall(found, free, left_out, alone)
+
+    def of_settled(
+        self,
+        settled: SettledWall,
+        within: Mask,
+        vacuum: ChamberVacuum,
+        speed_mm_per_s: float = 0.0,
+        *,
+        split: bool = False,
+    ) -> PressureMap:
+        """The pressure of a wall in equilibrium.
+
+        Args:
+            settled: the wall.
+            within: (N,) True for targets that are supported by points; those that one view alone sees are,
+                too, if there is a rig.
+            vacuum: at the field.
+            speed_mm_per_s: of the target that moves fastest.
+            split: true to tell the noise of what was seen apart in the load over height.
+        """
+        found, within = settled.found, within | settled.alone
+        value, covariance = found.contact_kpa(found.model.targets)
+        contact = Estimate(value, np.sqrt(np.diagonal(covariance)))
+        # The liner's vacuum is in the difference as well, where its error partly cancels: never too small.
+        above = Estimate(value - vacuum.liner_kpa, np.hypot(contact.sigma, vacuum.liner_sigma_kpa))
+        free = settled.free
+        unseen_kpa = value - free.contact_kpa(free.model.targets)[0] if free else None
+        refusal = _refusal(found.j, speed_mm_per_s)
+        profile = None if refusal else self._profile(found, split)
+        if profile is not None and is_empty(profile):
+            refusal = _EMPTY
+        reasons = self._reasons(contact, within) if not refusal else (refusal,) * len(within)
+        mean = _mean(value, covariance, within, reasons)
+        # Inertia is a load like any other, so the shape of a fast wall is no worse for it.
+        middle = None if settled.contradicted else self._middle.of(found)
+        return PressureMap(contact, mean, above, found.j, unseen_kpa, within, reasons, profile, middle)
+
+    def face(self, settled: SettledWall, supported: Mask, problems: tuple[str, ...]) -> OuterFace:
+        """The outer face of a wall in equilibrium.
+
+        Args:
+            settled: the wall.
+            supported: (rows, columns) True for targets that are supported by data.
+            problems: of its points, as sentences.
+        """
+        return self._lattice.face(settled.found, supported, problems)
+
+    def _profile(self, found: Posterior, split: bool) -> LoadProfile:
+        if self._sections is None:
+            targets = self._mounting.targets
+            reach_mm = min(float(np.abs(targets.s_mm).max()), _ARC_MM)
+            heights = profile_heights(targets.x_mm)
+            self._sections = Sections(found.model, heights, (-reach_mm, reach_mm))
+        frame, reference_mm2 = self._mounting.frame, self._mounting.shared_mm2 if split else None
+        profile = self._sections.profile(found, reference_mm2)
+        return profile._replace(x_mm=frame.origin_mm[0] + frame.axes[0, 0] * profile.x_mm)
+
+    def _reasons(self, contact: Estimate, within: Mask) -> tuple[str, ...]:
+        """The first applicable reason why each target has no pressure; empty if it has one."""
+        least = np.maximum(contact.value, self._sought_kpa)
+        vague = [
+            f"σ of {sigma:.2g} kPa exceeds the pressure sought ({wanted:.2g} kPa)"
+            for sigma, wanted in zip(contact.sigma, least, strict=True)
+        ]
+        reasons = np.select([~within, contact.sigma > least], [_FAR, np.array(vague, object)], "")
+        # Few different ones for as many targets as a capture has: each is kept once.
+        return tuple(map(intern, reasons))
+
+
+def _without_outliers(found: Posterior) -> tuple[Posterior, tuple[int, ...]]:
+    """Leaves out the worst target, until none is worse than chance allows; all are kept if they are many."""
+    kept, left_out = found, list[int]()
+    while len(left_out) <= LARGEST_SHARE_OUT * len(kept.linear.places_mm):
+        outlying = kept.outlying
+        worst = int(np.argmax(outlying))
+        if outlying[worst] < OUTLYING:
+            return kept, tuple(left_out)
+        left_out.append(worst)
+        kept = posterior(kept.response, kept.sights.without(worst), kept.difference)
+    return found, ()
+
+
+def _refusal(misfit: float, speed_mm_per_s: float) -> str:
+    """The reason why a field has no pressure anywhere; empty if it may have one."""
+    if misfit > MISFIT_ALARM:
+        return f"the wall in equilibrium contradicts the points (misfit {misfit:.1f}, usual .3 to 1.2)"
+    if speed_mm_per_s > FASTEST_MM_PER_S:
+        return f"the wall moves at more than {FASTEST_MM_PER_S:g} mm/s: too fast for an equilibrium"
+    return ""
+
+
+def _mean(value: Array, covariance: Array, use: Mask, reasons: Sequence[str]) -> Estimate:
+    if all(reasons):
+        return Estimate.of(np.nan, np.nan)
+    mean = value[use].mean()
+    return Estimate(mean, np.hypot(np.sqrt(covariance[np.ix_(use, use)].mean()), _MEAN_SHARE * mean))
+
+
+def _material(zones: Sequence[Zone]) -> Material:
+    if len(zones) != 1:
+        raise AnalysisError(
+            f"the wall's equilibrium needs one material for the whole liner, not {len(zones)} zones",
+            "give one material for a map of the pressure",
+        )
+    return zones[0].material

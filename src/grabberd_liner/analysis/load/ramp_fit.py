@@ -12,12 +12,12 @@ from typing import NamedTuple
 import numpy as np
 from scipy import sparse
 
+from grabberd.core.arrays import Array
 from grabberd.errors import AnalysisError
-from grabberd_liner.analysis.load.load_prior import MPA_PER_KPA
 from grabberd_liner.analysis.load.targets import Sights, TargetPlaces, Targets
+from grabberd_liner.analysis.load.wall_model import MPA_PER_KPA
 from grabberd_liner.analysis.wall.half_tube import HalfTube
 from grabberd_liner.analysis.wall.shell import Load
-from grabberd_liner.arrays import Array
 
 _BY_VALUE = np.diag([1e-4, 1e-4, 1e-4, 1e-1])
 """Of difference quotients by a state's values: their squares are far below what a residual rounds to."""

@@ -13,12 +13,12 @@ import numpy as np
 from scipy import sparse
 from scipy.linalg import block_diag
 
+from grabberd.core.arrays import Array, Indices
 from grabberd.core.geometry import Rig, linearise, rays
 from grabberd.core.reconstruction import SingleViewImages
 from grabberd_liner.analysis.wall.half_tube import HalfTube, MountedTube
 from grabberd_liner.analysis.wall.rubber import RubberWall
 from grabberd_liner.analysis.wall.shell import Geometry
-from grabberd_liner.arrays import Array, Indices
 
 _SMALL = 1e-4
 """Step of a logarithm: its square is far below what a place rounds to."""

@@ -14,19 +14,19 @@ from typing import NamedTuple
 
 import numpy as np
 
+from grabberd.core.arrays import Array, Indices, Mask
 from grabberd_liner.analysis.estimate import Estimate
 from grabberd_liner.analysis.grid import Grid
 from grabberd_liner.analysis.load.load_fit import Followers, Posterior, Response
 from grabberd_liner.analysis.load.mounting import Mounting
 from grabberd_liner.analysis.load.targets import TargetPlaces, Targets
 from grabberd_liner.analysis.load.wall_model import WallModel
-from grabberd_liner.analysis.surface.face import is_within
+from grabberd_liner.analysis.surface.sections import is_within
 from grabberd_liner.analysis.surface.smoothing import ROUND, Domain, modes
 from grabberd_liner.analysis.wall.material import Material, Zone, mixed_tension, wall_at
 from grabberd_liner.analysis.wall.shell import UNKNOWNS, Geometry
 from grabberd_liner.analysis.wall.splines import DERIVATIVES, SplineAxis, SplineGrid
 from grabberd_liner.analysis.wall.strain import mixed, principal_values
-from grabberd_liner.arrays import Array, Indices, Mask
 
 _PER_PITCH = 2, 3
 """Intervals of the lattice to a pitch of targets, along and round."""

@@ -14,9 +14,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from grabberd_liner.analysis.pulsation.movement import Movement
-from grabberd_liner.analysis.pulsation.waveform import Waveform, basis, basis_slope, prior_precision
-from grabberd_liner.arrays import Array, Indices
+from grabberd.core.arrays import Array, Indices
+from grabberd_liner.analysis.pulsation.movement import Movement, Waveform, basis, basis_slope, prior_precision
 
 HARMONICS = 8
 _SEARCH_PLACES = 64

@@ -13,13 +13,12 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from grabberd.core.arrays import Array, Indices, Mask
 from grabberd.core.reconstruction import Points, SingleViewImages
 from grabberd.errors import AnalysisError
 from grabberd_liner.analysis.estimate import Estimate
-from grabberd_liner.analysis.pulsation.movement import Movement, TimedPoints, Tracks, tracks
+from grabberd_liner.analysis.pulsation.movement import Movement, TimedPoints, Tracks, basis, tracks
 from grabberd_liner.analysis.pulsation.pulsation import Pulsation
-from grabberd_liner.analysis.pulsation.waveform import basis
-from grabberd_liner.arrays import Array, Indices, Mask
 
 _FEWEST = 3
 """Fewer harmonics cannot follow the plateaus of a pulsation."""

@@ -11,12 +11,11 @@ from typing import NamedTuple
 
 import numpy as np
 
+from grabberd.core.arrays import Array, Indices
 from grabberd.errors import AnalysisError
 from grabberd_liner.analysis.estimate import Estimate
 from grabberd_liner.analysis.pulsation.cycle_fit import Fit, adjust, harmonics, placed, search, sharpened
-from grabberd_liner.analysis.pulsation.movement import Movement
-from grabberd_liner.analysis.pulsation.waveform import Waveform, rotated
-from grabberd_liner.arrays import Array, Indices
+from grabberd_liner.analysis.pulsation.movement import Movement, Waveform, rotated
 
 SHORTEST_S, LONGEST_S = 0.4, 3.0
 WALL_THRESHOLD = 0.1

@@ -9,10 +9,11 @@ from typing import NamedTuple
 import numpy as np
 from scipy.linalg.lapack import dpotrf, dtrtri
 
+from grabberd.core.arrays import Array, Indices, Mask
 from grabberd.core.reconstruction import Points
 from grabberd.errors import AnalysisError
 from grabberd_liner.analysis.grid import Grid, NominalShape
-from grabberd_liner.analysis.surface.face import supported_places
+from grabberd_liner.analysis.surface.sections import supported_places
 from grabberd_liner.analysis.surface.smoothing import (
     FREE,
     Departures,
@@ -23,7 +24,6 @@ from grabberd_liner.analysis.surface.smoothing import (
     modes,
 )
 from grabberd_liner.analysis.surface.surface import Surface
-from grabberd_liner.arrays import Array, Indices, Mask
 
 
 class Posterior(NamedTuple):

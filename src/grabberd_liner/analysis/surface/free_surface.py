@@ -10,6 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from grabberd.core.arrays import Array, Indices, Mask
 from grabberd.errors import AnalysisError
 from grabberd_liner.analysis.grid import Grid, NominalShape
 from grabberd_liner.analysis.surface.fitting import LARGEST_SHARE_OUT, Posterior, fit_modes
@@ -24,7 +25,6 @@ from grabberd_liner.analysis.surface.smoothing import (
     modes,
 )
 from grabberd_liner.analysis.surface.surface import Spread, Surface
-from grabberd_liner.arrays import Array, Indices, Mask
 
 _OUTLYING = 40.0
 """Limit on χ² of one degree of freedom that chance does not reach in ten thousand captures."""

@@ -8,7 +8,7 @@ from math import comb
 
 import numpy as np
 
-from grabberd_liner.arrays import Array
+from grabberd.core.arrays import Array
 
 Jets = Array
 """(..., 15, 3): ∂^(i+j) X / ∂u^i ∂v^j at `index(i, j)`, mm / mm^(i+j), in the object's frame."""

@@ -22,9 +22,9 @@ from typing import NamedTuple
 
 import numpy as np
 
+from grabberd.core.arrays import Array
 from grabberd_liner.analysis.grid import Grid
 from grabberd_liner.analysis.surface.jets import HIGHEST, ORDERS, count_to
-from grabberd_liner.arrays import Array
 
 FREE = 4
 """The first modes, free of penalty: 1, u, v, u·v."""

@@ -13,11 +13,11 @@ from math import factorial
 import numpy as np
 from scipy.linalg.blas import dtrmm
 
+from grabberd.core.arrays import Array, Indices, Mask
 from grabberd_liner.analysis.estimate import Estimate
-from grabberd_liner.analysis.surface.face import is_within
 from grabberd_liner.analysis.surface.jets import HIGHEST, ORDERS, Jets, count_to, times
+from grabberd_liner.analysis.surface.sections import is_within
 from grabberd_liner.analysis.surface.smoothing import Domain, Modes, Smoothing
-from grabberd_liner.arrays import Array, Indices, Mask
 
 Shape = Callable[[Array, Array], Jets]
 Function = Callable[..., Array]

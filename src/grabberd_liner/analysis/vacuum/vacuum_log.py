@@ -7,10 +7,10 @@ from datetime import datetime
 
 import numpy as np
 
+from grabberd.core.arrays import Array
 from grabberd.core.channels.vacuum import LEAST_KPA, MOST_KPA, PRESSURE_UNITS, likely_unit
 from grabberd.errors import InputError
 from grabberd.tables import TIME_UNITS_NS, Column, Table, TableError
-from grabberd_liner.arrays import Array
 
 MOMENTS = ("timestamp", "date_time", "datetime")
 """Names of columns of dates with times of day, beside `time` without a unit."""

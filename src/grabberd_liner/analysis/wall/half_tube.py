@@ -15,9 +15,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy import sparse
 
-from grabberd_liner.analysis.wall.block_band import NEAR, Factors, Rows
+from grabberd.core.arrays import Array, Indices, Mask
 from grabberd_liner.analysis.wall.material import neo_hookean_stretch
-from grabberd_liner.analysis.wall.rubber import RubberWall
+from grabberd_liner.analysis.wall.rubber import NEAR, Factors, Rows, RubberWall
 from grabberd_liner.analysis.wall.shell import UNKNOWNS, Geometry, Load, Shell
 from grabberd_liner.analysis.wall.splines import (
     DEGREE,
@@ -28,7 +28,6 @@ from grabberd_liner.analysis.wall.splines import (
     SplineAxis,
     SplineGrid,
 )
-from grabberd_liner.arrays import Array, Indices, Mask
 
 _X, _Y, _Z, _SHEAR = range(UNKNOWNS)
 

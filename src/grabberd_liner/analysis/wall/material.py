@@ -11,11 +11,11 @@ from typing import NamedTuple
 
 import numpy as np
 
+from grabberd.core.arrays import Array, Indices, Mask
 from grabberd.core.geometry import Reading
 from grabberd.errors import AnalysisError, InputError
 from grabberd_liner.analysis.grid import Grid
 from grabberd_liner.analysis.wall.strain import determinant, inverse, trace
-from grabberd_liner.arrays import Array, Indices, Mask
 
 LAWS = ("neo_hookean", "linear")
 VARIED = ("E_mpa", "wall_mm", "F0_n")

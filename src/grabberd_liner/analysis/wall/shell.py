@@ -14,10 +14,10 @@ from typing import NamedTuple
 
 import numpy as np
 
+from grabberd.core.arrays import Array
 from grabberd.core.kernel import KERNEL, Kernel
 from grabberd_liner.analysis.wall.rubber import Forms, Invariants, RubberWall, complex_step
 from grabberd_liner.analysis.wall.splines import DERIVATIVES, Basis
-from grabberd_liner.arrays import Array
 
 SHEAR_SHARE = 5 / 6
 """Of the thickness that resists shear: its stress is a parabola that vanishes at the faces."""

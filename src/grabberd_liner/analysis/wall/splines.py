@@ -12,8 +12,16 @@ import numpy as np
 from scipy import sparse
 from scipy.interpolate import BSpline
 
-from grabberd_liner.analysis.gauss import gauss_rule
-from grabberd_liner.arrays import Array, Indices
+from grabberd.core.arrays import Array, Indices
+
+
+@lru_cache(maxsize=32)
+def gauss_rule(count: int) -> tuple[Array, Array]:
+    """(count,) nodes between −1 and 1, and their weights; shared, so not to be written to."""
+    nodes, weights = np.polynomial.legendre.leggauss(count)
+    nodes.flags.writeable = weights.flags.writeable = False
+    return nodes, weights
+
 
 DEGREE = 3
 GAUSS_ROUND, GAUSS_ALONG = 2, 3

@@ -12,12 +12,12 @@ from typing import NamedTuple
 
 import numpy as np
 
+from grabberd.core.arrays import Array, Indices
 from grabberd.core.reconstruction import Points
 from grabberd.errors import AnalysisError
 from grabberd_liner.analysis.estimate import Estimate
 from grabberd_liner.analysis.grid import Grid
 from grabberd_liner.analysis.surface.jets import Jets, index
-from grabberd_liner.arrays import Array, Indices
 
 
 class Forms(NamedTuple):

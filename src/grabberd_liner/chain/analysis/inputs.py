@@ -31,7 +31,7 @@ from grabberd.core.geometry import Reading
 from grabberd.errors import InputError
 from grabberd_liner.analysis.estimate import Estimate
 from grabberd_liner.analysis.grid import Grid
-from grabberd_liner.analysis.load.pressure_model import UNSEEN
+from grabberd_liner.analysis.load.pressure import UNSEEN
 from grabberd_liner.analysis.surface.sections import Plane, symmetry_plane
 from grabberd_liner.analysis.vacuum.vacuum import ChannelCurve
 from grabberd_liner.analysis.wall.material import Zone, read_zones

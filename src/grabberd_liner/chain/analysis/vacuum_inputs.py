@@ -6,23 +6,25 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from grabberd.core.arrays import Array
 from grabberd.core.geometry import Reading
 from grabberd.errors import AnalysisError, InputError
 from grabberd_liner.analysis.load.pressure import ChamberVacuum
 from grabberd_liner.analysis.pulsation.phases import Phases, iso_phases
 from grabberd_liner.analysis.pulsation.pulsation import Pulsation
+from grabberd_liner.analysis.vacuum.light_clock import FoundLight
 from grabberd_liner.analysis.vacuum.vacuum import (
     ChannelCurve,
     ConstantVacuum,
     LoggedVacuum,
+    Offset,
     PulsatorWave,
     VacuumSource,
+    WallLag,
+    find_offset,
 )
 from grabberd_liner.analysis.vacuum.vacuum_log import VacuumLog, read_vacuum_log
-from grabberd_liner.analysis.vacuum.vacuum_offset import Offset, WallLag, find_offset
-from grabberd_liner.arrays import Array
 from grabberd_liner.chain.analysis.inputs import BY_LIGHT, CHAMBERS, CHANNEL, missing
-from grabberd_liner.chain.light_clock import FoundLight
 
 # Least reach of a slope: with one clock the offset's σ is 0, and the difference quotient needs some width.
 _SLOPE_S = 0.002
@@ -266,7 +268,7 @@ def read_wave(value: Mapping[str, Any]) -> PulsatorWave:
     """The vacuum of the pulsation chamber from a pulsator's settings.
 
     Raises:
-        InputError: a setting is missing, unknown, no number, or impossible.
+        InputError: a setting is missing, unknown, not a number, or impossible.
     """
     reading = Reading("vacuum.pulsation")
     reading.keys("", value, _WAVE_KEYS)

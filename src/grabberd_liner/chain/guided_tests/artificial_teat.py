@@ -6,20 +6,12 @@ from typing import NamedTuple
 
 import numpy as np
 
+from grabberd.core.arrays import Array
 from grabberd.core.geometry.document_reader import finite
 from grabberd_liner.analysis.comparison import Line, straight_line
 from grabberd_liner.analysis.estimate import Estimate, Finding, Quantity
 from grabberd_liner.analysis.mixed_model import observations
-from grabberd_liner.arrays import Array
-from grabberd_liner.chain.guided_tests.outcome import (
-    LINE,
-    POINTS,
-    Check,
-    Curve,
-    Evidence,
-    Outcome,
-    Question,
-)
+from grabberd_liner.chain.guided_tests.outcome import LINE, POINTS, Check, Curve, Evidence, Outcome, Question
 from grabberd_liner.chain.guided_tests.recipes import KNOWN_KPA, KNOWN_SIGMA_KPA
 
 _SLOPE, _OFFSET_KPA = 0.10, 0.5
@@ -97,18 +89,12 @@ def artificial_teat_test(captures: Sequence[Evidence]) -> Outcome:
 
 def known_kpa(one: Evidence) -> float | None:
     """Pressure in the teat, from the capture's label; None if it has none that is a number."""
-    try:
-        return finite(float(one.labels[KNOWN_KPA]))
-    except (KeyError, ValueError):
-        return None
+    return finite(one.labelled(KNOWN_KPA))
 
 
 def _known_sigma_kpa(one: Evidence) -> float:
-    try:
-        value = float(one.labels[KNOWN_SIGMA_KPA])
-    except (KeyError, ValueError):
-        return _KNOWN_SIGMA_KPA
-    return value if value > 0 and math.isfinite(value) else _KNOWN_SIGMA_KPA
+    value = one.labelled(KNOWN_SIGMA_KPA)
+    return value if value > 0 else _KNOWN_SIGMA_KPA
 
 
 def _steps(labelled: Sequence[tuple[Evidence, float]]) -> _Steps:

@@ -6,22 +6,15 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 
 import numpy as np
 
+from grabberd.core.arrays import Array
 from grabberd.errors import AnalysisError
 from grabberd_liner.analysis.estimate import Estimate
 from grabberd_liner.analysis.pulsation.movement import first_movement
 from grabberd_liner.analysis.pulsation.pulsation import fit_pulsation
-from grabberd_liner.arrays import Array
-from grabberd_liner.chain.analysis.field_points import FieldPoints
+from grabberd_liner.chain.analysis.wall_state import FieldPoints
 from grabberd_liner.chain.guided_tests.artificial_teat import artificial_teat_test, known_kpa
 from grabberd_liner.chain.guided_tests.milking_test import milking_test
-from grabberd_liner.chain.guided_tests.outcome import (
-    FAILED,
-    Check,
-    Evidence,
-    Outcome,
-    Question,
-    exact,
-)
+from grabberd_liner.chain.guided_tests.outcome import FAILED, Check, Evidence, Outcome, Question, exact
 from grabberd_liner.chain.guided_tests.ramp_test import ramp_test
 from grabberd_liner.chain.guided_tests.recipes import RECIPES, Recipe
 from grabberd_liner.chain.guided_tests.reference_test import reference_test

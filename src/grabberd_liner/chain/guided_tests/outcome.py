@@ -8,13 +8,13 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from grabberd.core.arrays import Array
 from grabberd_liner.analysis.estimate import Estimate, Finding, Quantity
 from grabberd_liner.analysis.wall.material import Material
-from grabberd_liner.arrays import Array
 from grabberd_liner.chain.analysis.analyse import Analysis
-from grabberd_liner.chain.analysis.field_points import FieldPoints
 from grabberd_liner.chain.analysis.profile_inputs import Profile
 from grabberd_liner.chain.analysis.tables import AnalysisTables
+from grabberd_liner.chain.analysis.wall_state import FieldPoints
 
 PASSED, FAILED, NOT_CERTAIN, NOT_CHECKED = "passed", "failed", "not certain", "not checked"
 _CERTAIN = 2.0
@@ -30,7 +30,7 @@ class Check(NamedTuple):
         name: name, which never changes.
         title: what is checked, in a few words.
         verdict: one of `PASSED`, `FAILED`, `NOT_CERTAIN`, `NOT_CHECKED`.
-        value: what was found; NaN if the check is no number.
+        value: what was found; NaN if the check has no numeric result.
         sigma: one standard deviation.
         unit: of both.
         limit: in words.
@@ -62,7 +62,7 @@ class Question(NamedTuple):
         return Check(self.name, self.title, NOT_CHECKED, reason=reason)
 
     def answered(self, yes: bool, reason: str = "", limit: str = "") -> Check:
-        """The check whose answer is no number."""
+        """The check without a numeric result."""
         if yes:
             return Check(self.name, self.title, PASSED, limit=limit)
         return Check(self.name, self.title, FAILED, limit=limit, reason=reason, remedy=self.remedy)
@@ -164,6 +164,14 @@ class Evidence(NamedTuple):
         """The liner's material; None if it is unknown, or differs from zone to zone."""
         zones = self.analysis.inputs.zones if self.analysis else ()
         return zones[0].material if len(zones) == 1 else None
+
+    def labelled(self, name: str) -> float:
+        """Return a label as a number; NaN where there is none, or it is not finite."""
+        try:
+            value = float(self.labels.get(name, ""))
+        except ValueError:
+            return math.nan
+        return value if math.isfinite(value) else math.nan
 
     def quantity(self, name: str) -> Estimate | None:
         """A quantity of the analysis; None if it was not found."""

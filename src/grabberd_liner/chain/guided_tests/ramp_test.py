@@ -7,10 +7,10 @@ from typing import Any
 
 import numpy as np
 
+from grabberd.core.arrays import Array, Mask
 from grabberd_liner.analysis.estimate import Estimate
 from grabberd_liner.analysis.load.empty_ramp import LAW_SIGMA
 from grabberd_liner.analysis.load.load_fit import MISFIT_ALARM
-from grabberd_liner.arrays import Array, Mask
 from grabberd_liner.chain.analysis.profile_inputs import Profile
 from grabberd_liner.chain.guided_tests.outcome import (
     LINE,

@@ -8,23 +8,15 @@ from typing import NamedTuple
 
 import numpy as np
 
+from grabberd.core.arrays import Array
 from grabberd.core.reconstruction import Points
 from grabberd.errors import AnalysisError
 from grabberd_liner.analysis.estimate import Estimate, Finding, Quantity
 from grabberd_liner.analysis.grid import Grid
 from grabberd_liner.analysis.wall.material import Material
-from grabberd_liner.arrays import Array
-from grabberd_liner.chain.analysis.field_points import FieldPoints, averaged_fields
 from grabberd_liner.chain.analysis.inputs import CHAMBERS
-from grabberd_liner.chain.guided_tests.outcome import (
-    LINE,
-    POINTS,
-    Check,
-    Curve,
-    Evidence,
-    Outcome,
-    Question,
-)
+from grabberd_liner.chain.analysis.wall_state import FieldPoints, averaged_fields
+from grabberd_liner.chain.guided_tests.outcome import LINE, POINTS, Check, Curve, Evidence, Outcome, Question
 from grabberd_liner.chain.guided_tests.recipes import UNMOUNTED_PITCH_MM
 
 _ROUNDS = 30
@@ -282,8 +274,8 @@ def _stretches(one: Evidence, tube: MountedTube | None) -> Iterator[Check]:
     excess = Estimate.of(float(implied.value) - 1, float(implied.sigma))
     middle, reach = (_MOST_STRETCH + _LEAST_STRETCH) / 2, (_MOST_STRETCH - _LEAST_STRETCH) / 2
     yield STRETCH.within(excess, middle, reach, _LIMITS_SOURCE)
-    free_mm = _number(one.labels.get(UNMOUNTED_PITCH_MM))
-    if tube is None or free_mm is None:
+    free_mm = one.labelled(UNMOUNTED_PITCH_MM)
+    if tube is None or not free_mm > 0:
         yield SEEN_STRETCH.not_checked(
             f"label {UNMOUNTED_PITCH_MM} of the capture does not say the rows' pitch before mounting"
         )
@@ -318,14 +310,6 @@ def mounting_stretch(material: Material) -> Estimate:
     related = np.array([[1, both, young_force], [both, 1, force_wall], [young_force, force_wall, 1]])
     of_stress = stress * np.sqrt(max(float(relative @ related @ relative), 0.0))
     return Estimate.of(stretch, 3 * of_stress / (2 * stretch + 1 / stretch**2))
-
-
-def _number(text: str | None) -> float | None:
-    try:
-        value = float(text) if text is not None else math.nan
-    except ValueError:
-        return None
-    return value if value > 0 and math.isfinite(value) else None
 
 
 def _findings(tube: MountedTube | None) -> Iterator[Finding]:

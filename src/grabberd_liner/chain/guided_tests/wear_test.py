@@ -7,10 +7,10 @@ from typing import NamedTuple
 
 import numpy as np
 
+from grabberd.core.arrays import Array
 from grabberd_liner.analysis.comparison import Line, straight_line
 from grabberd_liner.analysis.estimate import Estimate, Finding, Quantity
 from grabberd_liner.analysis.mixed_model import observations
-from grabberd_liner.arrays import Array
 from grabberd_liner.chain.guided_tests.outcome import (
     FAILED,
     LINE,
@@ -91,22 +91,18 @@ def wear_test(captures: Sequence[Evidence]) -> Outcome:
 
 def _ages(captures: Sequence[Evidence]) -> _Ages:
     """Ages by milkings if every capture says them: its label, or its liner's profile; else by days."""
-    milkings = [_milkings(one) for one in captures]
-    known = np.array([math.nan if one is None else one for one in milkings])
+    known = np.array([_milkings(one) for one in captures])
     if np.isfinite(known).all() and len(np.unique(known)) > 1:
         return _Ages(known, "milkings", "1", _PER_MILKINGS, "1000 milkings")
     dates = [datetime.fromisoformat(one.captured_utc).timestamp() / 86400 for one in captures]
     return _Ages(np.array(dates) - min(dates, default=0.0), "days", "d", _PER_DAYS, "100 days")
 
 
-def _milkings(one: Evidence) -> float | None:
-    said = one.labels.get(MILKINGS)
-    if said is None and one.liner is not None:
-        said = one.liner.content.get("age_milkings")
-    try:
-        return None if said is None else float(said)
-    except ValueError:
-        return None
+def _milkings(one: Evidence) -> float:
+    if MILKINGS in one.labels or one.liner is None:
+        return one.labelled(MILKINGS)
+    age = one.liner.content.get("age_milkings")
+    return math.nan if age is None else float(age)
 
 
 def _unchanged(name: str, captures: Sequence[Evidence]) -> Question:

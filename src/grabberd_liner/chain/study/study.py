@@ -10,10 +10,10 @@ from typing import NamedTuple
 
 import numpy as np
 
+from grabberd.core.arrays import Array
 from grabberd.errors import InputError
 from grabberd_liner.analysis.comparison import Comparison, Trend, compare, trend
 from grabberd_liner.analysis.mixed_model import Levels, Observations, levels_of, observations
-from grabberd_liner.arrays import Array
 
 DEVICE, DATE, ID, VERDICT = "device", "date", "id", "verdict"
 """Names of what a capture has beside its labels."""

@@ -5,9 +5,9 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
+from grabberd.core.arrays import Array
 from grabberd.reports.figures.drawing import FAINT, GREY, WIDTH_MM, Svg, drawn
 from grabberd.reports.notation import fixed
-from grabberd_liner.arrays import Array
 from grabberd_liner.reports.columns import Columns
 
 if TYPE_CHECKING:

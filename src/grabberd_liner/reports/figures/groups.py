@@ -5,8 +5,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from grabberd.core.arrays import Array
 from grabberd.reports.figures.drawing import GREY, INK, WIDTH_MM, Svg, drawn
-from grabberd_liner.arrays import Array
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

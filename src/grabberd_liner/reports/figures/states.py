@@ -5,8 +5,8 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
+from grabberd.core.arrays import Array, Indices
 from grabberd.reports.figures.drawing import FAINT, GREY, INK, WIDTH_MM, Svg, drawn
-from grabberd_liner.arrays import Array, Indices
 from grabberd_liner.reports.columns import Columns
 
 if TYPE_CHECKING:

@@ -5,6 +5,7 @@ import pytest
 
 from grabberd.archive.capture.reading_groups import (
     MOST_READINGS,
+    ChannelCalibration,
     decode_times,
     decode_values,
     encode_times,
@@ -50,3 +51,9 @@ def test_times_that_no_clock_can_have_shown_are_damage(times) -> None:
 def test_what_is_no_number_is_damage(value) -> None:
     with pytest.raises(ValueError, match="not a number"):
         decode_values(encode_values(np.array([1.0, value])), 2)
+
+
+def test_a_value_that_is_too_large_for_its_calibration_has_no_kpa() -> None:
+    kpa = ChannelCalibration("mbar", -10.0, 0.0, 0.1).kpa(np.array([1e308, 2.0]))
+    assert np.isnan(kpa[0])
+    assert kpa[1] == -20.0

@@ -11,8 +11,16 @@ from hypothesis import strategies as st
 
 from archive.capture.groups.test_quanta import ARRAYS, with_values
 from archive.captures import computed_points, points
-from grabberd.archive.capture.codec import differences, frame_of, planes_of, read_planes, sums
-from grabberd.archive.capture.point_codec import COLUMNS, decode_points, encode_points
+from grabberd.archive.capture.encodings import (
+    COLUMNS,
+    decode_points,
+    differences,
+    encode_points,
+    frame_of,
+    planes_of,
+    read_planes,
+    sums,
+)
 from grabberd.core.reconstruction.points import Points
 
 CLAIM_OF_4_GB = bytes.fromhex("28b52ffd e0") + struct.pack("<Q", 1 << 32) + bytes.fromhex("030010 00")

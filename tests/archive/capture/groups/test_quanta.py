@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from archive.captures import computed_points
-from grabberd.archive.capture.point_codec import factors, product, quantised, symmetric
+from grabberd.archive.capture.encodings import factors, product, quantised, symmetric
 
 ARRAYS = ("target", "xyz_mm", "covariance_mm2", "calibration_covariance_mm2", "image_px", "residual_px")
 

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 
 from core.calibration.sights import FRAME
-from grabberd.core.calibration import GridOrder, grid_order
+from grabberd.core.calibration.calibration_frame import GridOrder, grid_order
 
 
 def test_a_regular_frame_is_in_order():

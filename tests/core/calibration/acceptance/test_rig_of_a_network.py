@@ -7,14 +7,10 @@ import pytest
 
 from core.calibration.networks import TRUE, frame, network, rough, tied
 from core.calibration.sights import NOMINAL
-from grabberd.core.calibration import (
-    Adjustment,
-    CheckLength,
-    adjust,
-    compared_rig,
-    measured_length,
-    residual_patterns,
-)
+from grabberd.core.calibration.adjustment.adjustment import Adjustment, adjust
+from grabberd.core.calibration.residuals import residual_patterns
+from grabberd.core.calibration.rig_quantities import compared_rig
+from grabberd.core.calibration.significance import CheckLength, measured_length
 
 LENGTH = CheckLength(1, 108, float(np.linalg.norm(frame()[-1] - frame()[0])), 0.02)
 

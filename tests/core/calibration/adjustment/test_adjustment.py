@@ -8,7 +8,8 @@ from scipy.optimize import least_squares
 from scipy.stats import chi2
 
 from core.calibration.networks import SIGMA_PX, THREE, TRUE, deviation, frame, network, rough, seen_less, tied
-from grabberd.core.calibration import LENS, AdjustmentSettings, Unknowns, adjust
+from grabberd.core.calibration.adjustment.adjustment import AdjustmentSettings, adjust
+from grabberd.core.calibration.adjustment.network import LENS, Unknowns
 from grabberd.core.geometry import project
 from grabberd.errors import MeasurementError, RankDeficient
 from proofs.bench.adjustment import full_covariance
@@ -235,16 +236,11 @@ def test_a_start_behind_a_camera_is_refused():
     assert "nominal geometry" in refused.value.hint
 
 
-def test_no_convergence_says_so():
-    with pytest.raises(MeasurementError, match="not converged after 2 steps"):
-        adjust(network(start=rough()), tied(), AdjustmentSettings(most_steps=2))
-
-
 def test_wrong_identification_does_not_converge_and_says_where_to_look():
     mixed = network(start=rough())
     mixed = replace(mixed, target=np.concatenate([mixed.target[107::-1], mixed.target[108:]]))
-    with pytest.raises(MeasurementError, match="not converged") as refused:
-        adjust(mixed, tied())
+    with pytest.raises(MeasurementError, match=r"not converged after .* the last 10 neither") as refused:
+        adjust(mixed, tied(), AdjustmentSettings(most_steps=10))
     assert "which target is which" in refused.value.hint
 
 

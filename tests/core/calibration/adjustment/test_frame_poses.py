@@ -10,16 +10,17 @@ from scipy.stats import chi2
 
 from core.calibration.networks import TRUE, frame, network, tied
 from core.geometry.rigs import views as any_view
-from grabberd.core.calibration import (
+from grabberd.core.calibration.adjustment.adjustment import adjust
+from grabberd.core.calibration.adjustment.frame_poses import (
     PosedUnknowns,
-    Unknowns,
-    adjust,
-    cross_validate,
     frame_poses,
+    from_pose,
     joined,
     of_first_pose,
+    pose_between,
 )
-from grabberd.core.calibration.adjustment.frame_poses import from_pose, pose_between
+from grabberd.core.calibration.adjustment.network import Unknowns
+from grabberd.core.calibration.significance import cross_validate
 from grabberd.core.geometry import project, rotation_matrix
 from grabberd.errors import MeasurementError
 

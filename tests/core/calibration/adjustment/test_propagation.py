@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 from core.calibration.networks import THREE, TRUE, frame, network
-from grabberd.core.calibration import Unknowns, adjust, intersect_network, propagate
+from grabberd.core.calibration.adjustment.adjustment import adjust, intersect_network, propagate
+from grabberd.core.calibration.adjustment.network import Unknowns
 from grabberd.core.geometry import Calibration, Rig
 from grabberd.core.reconstruction import ImageNoise, ViewBlobs, intersect
 from grabberd.errors import MeasurementError

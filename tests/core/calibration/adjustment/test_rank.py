@@ -4,8 +4,9 @@ import numpy as np
 import pytest
 
 from core.calibration.networks import TRUE, frame, network, rough, tied
-from grabberd.core.calibration import LENS, Unknowns, adjust, check_rank
-from grabberd.core.calibration.adjustment.rank import null_vectors
+from grabberd.core.calibration.adjustment.adjustment import adjust
+from grabberd.core.calibration.adjustment.network import LENS, Unknowns
+from grabberd.core.calibration.adjustment.normal_equations import check_rank, null_vectors
 from grabberd.core.geometry import PARAMETERS, parameter_derivatives
 from grabberd.errors import MeasurementError, RankDeficient
 

@@ -7,7 +7,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from core.geometry.rigs import aimed, views
-from grabberd.core.calibration import resect
+from grabberd.core.calibration.adjustment.starting_values import resect
 from grabberd.core.geometry import View, project
 
 RNG = np.random.default_rng(7)

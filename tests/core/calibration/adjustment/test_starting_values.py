@@ -4,7 +4,9 @@ import numpy as np
 import pytest
 
 from core.calibration.networks import THREE, TRUE, frame, network, turned
-from grabberd.core.calibration import POSE, Unknowns, adjust, pose, with_starting_values
+from grabberd.core.calibration.adjustment.adjustment import adjust
+from grabberd.core.calibration.adjustment.network import Unknowns
+from grabberd.core.calibration.adjustment.starting_values import POSE, pose, with_starting_values
 from grabberd.core.geometry import PARAMETERS, project, rotation_matrix
 from grabberd.errors import MeasurementError
 

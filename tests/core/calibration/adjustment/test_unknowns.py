@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from core.calibration.networks import TRUE, rough
-from grabberd.core.calibration import LENS, Unknowns
+from grabberd.core.calibration.adjustment.network import LENS, Unknowns
 from grabberd.core.geometry import PARAMETERS
 from grabberd.errors import InputError
 

@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 from core.calibration.networks import TRUE, network, tied
-from grabberd.core.calibration import adjust, with_unmodelled, without_blunders
+from grabberd.core.calibration.adjustment.adjustment import adjust
+from grabberd.core.calibration.residuals import with_unmodelled, without_blunders
 
 
 def contradictory(rms_px=0.06, seed=1, target_sigma_mm=0.0):
@@ -27,6 +28,15 @@ def test_true_sigmas_stay():
     enlarged, added_px = with_unmodelled(given, tied())
     assert added_px < 0.02
     assert np.allclose(enlarged.sigma_px, 0.05, atol=0.004)
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_a_sigma0_above_one_by_chance_enlarges_nothing(seed):
+    given = network(sigma_px=0.05, seed=seed)
+    adjusted = adjust(given, tied())
+    bold = replace(given, sigma_px=given.sigma_px * adjusted.sigma0 / 1.04)
+    assert adjust(bold, tied()).sigma0 == pytest.approx(1.04, abs=0.001)
+    assert with_unmodelled(bold, tied())[1] == 0.0
 
 
 def test_sigmas_that_are_too_large_stay_too():

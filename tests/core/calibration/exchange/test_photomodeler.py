@@ -10,15 +10,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from grabberd.core.calibration import (
-    LENS,
-    POSE,
-    Unknowns,
-    adjust,
-    read_control_points,
-    read_photomodeler,
-    with_starting_values,
-)
+from grabberd.core.calibration.adjustment.adjustment import adjust
+from grabberd.core.calibration.adjustment.network import LENS, Unknowns
+from grabberd.core.calibration.adjustment.starting_values import POSE, with_starting_values
+from grabberd.core.calibration.control_points import read_control_points
+from grabberd.core.calibration.exchange import read_photomodeler
 from grabberd.errors import InputError
 
 ROOT = Path(__file__).parents[4]

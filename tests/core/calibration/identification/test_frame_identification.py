@@ -8,10 +8,13 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from core.calibration.sights import FRAME, NOMINAL, placed, roughly, see
-from grabberd.core.calibration import IdentificationSettings, identify_frame
+from grabberd.core.calibration.identification.frame_identification import (
+    IdentificationSettings,
+    identify_frame,
+)
 from grabberd.core.geometry import project
 from grabberd.core.reconstruction import ObjectModel
-from grabberd.errors import MeasurementError
+from grabberd.errors import AmbiguousView, MeasurementError
 
 sign = st.sampled_from([1, -1])
 
@@ -98,12 +101,13 @@ def test_a_planar_frame_of_which_the_ends_are_not_seen_is_ambiguous():
     flat = frame_of(FRAME.xyz_mm * (1.0, 1.0, 0.0))
     _, sights = scene(5, frame=flat)
     with pytest.raises(
-        MeasurementError, match=r"view is ambiguous: target \d+ at .*; or target \d+ at"
+        AmbiguousView, match=r"does not tell how .* stands: turned by 0 degrees or turned by 180"
     ) as raised:
         identify([sight.within(150, 420) for sight in sights], frame=flat)
     assert "looks the same" in raised.value.hint
     assert "more depth" in raised.value.hint
-    assert "by hand" in raised.value.hint
+    assert raised.value.asks
+    assert raised.value.turns == {}
 
 
 @pytest.mark.slow
@@ -143,7 +147,9 @@ def test_exchanged_columns_are_swapped_views():
 
 def test_a_handedness_that_the_picture_contradicts_is_refused():
     _, sights = scene(10, (1, 1))
-    with pytest.raises(MeasurementError, match=r"-1 is stated for the right view, but its picture says \+1"):
+    with pytest.raises(
+        MeasurementError, match=r"shows the right view mirrored: of handedness \+1, \+1 .* where \+1, -1"
+    ):
         identify(sights, settings=IdentificationSettings(handedness=(1, -1)))
 
 

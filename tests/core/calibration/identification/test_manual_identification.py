@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from core.calibration.sights import FRAME, NOMINAL, placed, see
-from grabberd.core.calibration import Mark, identify_by_hand
-from grabberd.errors import InputError, MeasurementError
+from grabberd.core.calibration.identification.manual_identification import Mark, identify_by_hand
+from grabberd.errors import AmbiguousView, InputError, MeasurementError, MirroredPicture
 
 FLAT = replace(FRAME, xyz_mm=FRAME.xyz_mm * (1.0, 1.0, 0.0))
 
@@ -73,10 +73,18 @@ def test_two_marks_with_each_others_id_are_named_as_a_pair(pair):
         identify(sights, marks)
 
 
-def test_too_few_marks_are_refused():
-    sights = scene(4)
-    with pytest.raises(InputError, match="3 targets are marked in the left view, 4 are needed"):
-        identify(sights, marks_of(sights, 3))
+def test_fewer_marks_than_determine_a_view_decide_between_what_the_picture_leaves_open():
+    """A flat grid looks the same turned by half and mirrored; one corner tells."""
+    sights = scene(4, FLAT)
+    with pytest.raises(AmbiguousView) as raised:
+        identify(sights, [], FLAT)
+    (asked,) = raised.value.asks
+    blob = np.flatnonzero(FRAME.target[sights[0].target] == asked.id)[0]
+    assert tuple(sights[0].xy_px[blob]) in asked.places_px
+    found = identify(sights, [Mark("left", asked.id, *sights[0].xy_px[blob])], FLAT)
+    for side, sight in zip(found, sights, strict=True):
+        real = (sight.target >= 0) & (side.target >= 0)
+        np.testing.assert_array_equal(side.target[real], sight.target[real])
 
 
 def test_a_mark_far_from_any_blob_is_refused():
@@ -94,6 +102,23 @@ def test_an_unknown_target_and_one_marked_twice_are_refused():
         identify(sights, [*marks, replace(marks[0], target=999)])
     with pytest.raises(InputError, match="is marked twice"):
         identify(sights, [*marks, marks[0]])
+    with pytest.raises(InputError, match=rf"is at the blob that is marked as target {marks[0].target}"):
+        identify(sights, [marks[0], replace(marks[0], target=marks[1].target)])
+
+
+def test_a_mark_that_makes_the_picture_a_mirrored_one_may_be_wrong_itself():
+    sights = scene(4, FLAT)
+    with pytest.raises(AmbiguousView) as raised:
+        identify(sights, [], FLAT)
+    (asked,) = raised.value.asks
+    refused = []
+    for place in asked.places_px:
+        try:
+            identify(sights, [Mark("left", asked.id, *place)], FLAT)
+        except MirroredPicture as error:
+            refused.append(error.hint)
+    assert len(refused) == 2
+    assert all(hint.startswith("if the marks are right: ") for hint in refused)
 
 
 def test_a_dark_view_is_named():

@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from core.calibration.sights import FRAME, roughly
-from grabberd.core.calibration import FieldImages, identify_frame, mean_images
+from grabberd.core.calibration.identification.frame_identification import identify_frame
+from grabberd.core.calibration.mean_images import FieldImages, mean_images
 from grabberd.core.field import Field, double_lines, quantise
 from grabberd.core.measurement import LocationSettings, ThresholdRule, choose_threshold, measure
 from grabberd_fake import FakeGrabber, JumpingClock, truth_at

@@ -5,8 +5,10 @@ import numpy as np
 import pytest
 
 from core.calibration.networks import TRUE, frame, network, seen_less
-from grabberd.core.calibration import LENS, LocalFieldSettings, Unknowns, adjust, try_local_fields
+from grabberd.core.calibration.adjustment.adjustment import adjust
+from grabberd.core.calibration.adjustment.network import LENS, Unknowns
 from grabberd.core.calibration.collocation import Collocation, Components, Solution
+from grabberd.core.calibration.local_field_trial import LocalFieldSettings, try_local_fields
 from grabberd.core.geometry import project
 
 FREE = [f"b{i}" for i in (1, 2, 3, 6, 7, 8, 9)] + [
@@ -90,6 +92,26 @@ def test_sigma_is_what_stays():
     places = [project(view, WITHIN) for view in TRUE]
     sigma = np.array([one.sigma_at(xy) for one, xy in zip(trial().fields, places, strict=True)])
     assert 0.7 < rms(left / sigma) < 1.3
+
+
+def test_errors_of_the_certificate_move_both_views_images_alike():
+    frames_own = trial(target_sigma_mm=0.01).both.correlation
+    assert min(frames_own) > 0.4
+    assert np.abs(trial().both.correlation).max() < 0.1
+
+
+def test_handed_otherwise_both_views_x_err_against_one_another():
+    mirrored = replace(TRUE[1], handedness=-1)
+    given = uneven_network(target_sigma_mm=0.01)
+    right = given.view == 1
+    xy_px = given.xy_px.copy()
+    centre = project(TRUE[1], given.target_mm[given.target[right]])
+    flipped = project(mirrored, given.target_mm[given.target[right]])
+    xy_px[right] = flipped + (xy_px[right] - centre) * (-1, 1)
+    found = try_local_fields(adjusted(replace(given, views=(TRUE[0], mirrored), xy_px=xy_px)), 576)
+    x, y = found.both.correlation
+    assert x < -0.4
+    assert y > 0.4
 
 
 def test_the_noise_beside_the_fields_is_that_of_the_image_points():

@@ -5,8 +5,9 @@ import pytest
 from scipy.stats import t as student
 
 from core.calibration.networks import TRUE, deviation, frame, network, rough, tied
-from grabberd.core.calibration import Unknowns, adjust, without_blunders
-from grabberd.core.calibration.residuals import critical_tau
+from grabberd.core.calibration.adjustment.adjustment import adjust
+from grabberd.core.calibration.adjustment.network import Unknowns
+from grabberd.core.calibration.residuals import critical_tau, without_blunders
 from grabberd.errors import MeasurementError
 
 

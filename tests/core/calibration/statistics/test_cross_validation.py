@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from core.calibration.networks import THREE, frame, network, rough, tied
-from grabberd.core.calibration import cross_validate, spatial_blocks
+from grabberd.core.calibration.significance import cross_validate, spatial_blocks
 from grabberd.errors import MeasurementError
 
 

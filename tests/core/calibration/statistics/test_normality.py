@@ -3,8 +3,8 @@ import pytest
 from scipy.stats import kurtosis, skew
 
 from core.calibration.networks import network, tied
-from grabberd.core.calibration import adjust, normality
-from grabberd.core.calibration.residuals import normality_of
+from grabberd.core.calibration.adjustment.adjustment import adjust
+from grabberd.core.calibration.residuals import normality, normality_of
 
 
 def test_normal_errors_give_normal_residuals_in_every_view_and_altogether():

@@ -4,8 +4,10 @@ import numpy as np
 import pytest
 
 from core.calibration.networks import LENS, TRUE, network, rough, tied
-from grabberd.core.calibration import LENS as SHARED
-from grabberd.core.calibration import Unknowns, adjust, eliminate, f_tests
+from grabberd.core.calibration.adjustment.adjustment import adjust
+from grabberd.core.calibration.adjustment.network import LENS as SHARED
+from grabberd.core.calibration.adjustment.network import Unknowns
+from grabberd.core.calibration.significance import eliminate, f_tests
 from grabberd.core.geometry import project
 
 

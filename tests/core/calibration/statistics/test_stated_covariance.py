@@ -6,7 +6,9 @@ import numpy as np
 import pytest
 
 from core.calibration.networks import network
-from grabberd.core.calibration import Unknowns, adjust, eliminate, with_stated_covariance
+from grabberd.core.calibration.adjustment.adjustment import adjust
+from grabberd.core.calibration.adjustment.network import Unknowns
+from grabberd.core.calibration.significance import eliminate, with_stated_covariance
 
 
 @pytest.fixture(scope="module")
@@ -29,6 +31,17 @@ def test_dropped_terms_have_a_sigma_and_stay_zero(given, unknowns):
     assert all(sigma[name] > 0 for name in kept.dropped)
     before = dict(zip(kept.adjustment.unknowns.names, kept.adjustment.sigma, strict=True))
     assert all(sigma[name] > 0.9 * before[name] for name in before)
+
+
+@pytest.mark.parametrize("doubt", [0.0, 0.25, 1.0])
+def test_dropped_terms_count_as_far_as_they_are_doubted(given, unknowns, doubt):
+    kept = eliminate(given, unknowns)
+    with_all = with_stated_covariance(kept.adjustment, unknowns)
+    without = dict(zip(kept.adjustment.unknowns.names, kept.adjustment.sigma**2, strict=True))
+    trusted = min(kept.adjustment.sigma0, 1.0) ** 2
+    variance = np.array([without.get(name, 0.0) / trusted for name in unknowns.names])
+    stated = with_stated_covariance(kept.adjustment, unknowns, doubt)
+    np.testing.assert_allclose(stated.sigma**2, (1 - doubt) * variance + doubt * with_all.sigma**2)
 
 
 def test_image_points_better_than_their_sigma_leave_the_certificate_as_it_is(given, unknowns):

@@ -4,7 +4,9 @@ import numpy as np
 import pytest
 
 from core.calibration.networks import THREE, TRUE, network, tied
-from grabberd.core.calibration import LENS, Unknowns, adjust, compare
+from grabberd.core.calibration.adjustment.adjustment import adjust
+from grabberd.core.calibration.adjustment.network import LENS, Unknowns
+from grabberd.core.calibration.significance import compare
 
 
 def test_one_lens_shows_no_difference():

@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 from core.calibration.networks import THREE, TRUE, frame, network, tied
-from grabberd.core.calibration import adjust, intersect_network, volume_sigma
+from grabberd.core.calibration.adjustment.adjustment import adjust, intersect_network
+from grabberd.core.calibration.validity import volume_sigma
 from grabberd.core.geometry import LocalField
 
 ADJUSTED = adjust(network(), tied())

@@ -6,7 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from core.chain.sized_pictures import Picture, fields
-from grabberd.core.calibration import symmetries
+from grabberd.core.calibration.calibration_frame import symmetries
 from grabberd.core.chain.calibration.designed_grid import (
     Along,
     GridDesign,
@@ -91,10 +91,10 @@ def test_a_frame_that_maps_onto_itself_is_remarked():
 
 
 @pytest.mark.parametrize("along", [Along.ROWS, Along.COLUMNS])
-def test_a_frame_of_plates_is_its_own_mirror_image_and_needs_the_handedness(along):
+def test_a_frame_of_plates_is_its_own_mirror_image_unless_one_target_is_added(along):
     (remark,) = calibration_frame_remarks(designed_grid(design(depth_mm=16, along=along)))
     assert "its mirror image maps 108 of 108 targets" in remark
-    assert "state the handedness" in remark
+    assert "a further one at (" in remark
 
 
 def test_a_large_frame_is_not_examined_for_symmetries():

@@ -1,19 +1,15 @@
 """Which targets of the calibration frame a capture shows."""
 
 import pytest
-import yaml
 
 from core.chain.fake_scene import take_scene
-from grabberd.config import shipped_configs
+from core.shipped_models import PAPER, shipped_model
 from grabberd.core.chain.calibration.frame_capture import identify
 from grabberd.core.geometry import NominalRig
-from grabberd.core.reconstruction import ObjectModel
 from grabberd.errors import MeasurementError
 
 NOMINAL = NominalRig(720, 576, (0, 360), (360, 720), 240.0, 128.0, 30.0, 8.0, 0.0086, 0.0083)
-FRAME = ObjectModel.from_document(
-    yaml.safe_load((shipped_configs() / "calibration-frames/paper-108.yaml").read_text())
-)
+FRAME = shipped_model(PAPER)
 
 
 def test_every_target_is_named_in_both_views():

@@ -1,3 +1,5 @@
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -57,3 +59,20 @@ def test_doubled_lines_add_nothing_and_take_nothing_away(scene):
     field, places = scene
     doubled, _ = located((double_lines(field), places), "template")
     assert (rms(doubled) < (0.020, 0.023)).all()
+
+
+@pytest.mark.parametrize("beside", [(6, 0), (-6, 2), (7, -4)])
+def test_a_narrow_disc_is_not_drawn_to_the_light_of_its_neighbour(beside):
+    """Discs that lean by seventy degrees, as at the edge of a round wall, in pairs whose blobs are apart.
+
+    Windows are as large as the discs above them ask for, which face the camera.
+    """
+    known = {"diameter_px": 5.5, "noise": 0.01}
+    facing, _ = grid_of_discs(np.random.default_rng(5), **known)
+    narrow, places = grid_of_discs(np.random.default_rng(6), **known, squeeze=0.35, beside=beside)
+    below = facing.luma.shape[0] // 2
+    field = replace(narrow, luma=np.concatenate([facing.luma[:below], narrow.luma[below:]]))
+    error, sigma = located((field, places[places[:, 1] > 2 * below + 10]), "template")
+    assert np.abs(error.mean(axis=0)).max() < 0.02
+    assert rms(error).max() < 0.03
+    assert rms(error / sigma).max() < 1.4

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from grabberd.core.reconstruction.length_errors import length_errors, measuring_lines
+from grabberd.core.reconstruction.accuracy import length_errors, measuring_lines
 from grabberd.errors import MeasurementError
 
 X, Y = np.meshgrid(np.arange(-4, 5) * 10.0, np.arange(-2, 3) * 8.0, indexing="ij")

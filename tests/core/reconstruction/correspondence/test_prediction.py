@@ -1,3 +1,5 @@
+from dataclasses import replace
+
 import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
@@ -5,6 +7,7 @@ from hypothesis import strategies as st
 from core.geometry.rigs import calibration
 from grabberd.core.geometry import Rig, project
 from grabberd.core.reconstruction.correspondence.correspondence import Prediction, _of_all, _of_those_beside
+from grabberd.core.reconstruction.points import Miss
 
 RIG = Rig.of(calibration())
 PLACES = np.array([[-20.0, 0.0, 0.0], [0.0, 0.0, 0.0], [0.0, 6.5, 0.0]])
@@ -38,8 +41,29 @@ def test_a_blob_out_of_reach_is_nobodys():
     assert predict().nearest(0, blobs).tolist() == [0, -1, 2]
 
 
-def test_a_hidden_target_does_not_take_its_neighbours_blob():
-    assert predict(sigma_mm=4.0).nearest(0, images()[[0, 2]]).tolist() == [0, -1, 1]
+def test_a_blob_serves_one_target_and_the_other_is_told_so():
+    predicted = predict(sigma_mm=4.0)
+    of_left = predicted.nearest(0, images()[[0, 2]])
+    assert of_left.tolist() == [0, -2, 1]
+    assert predicted.misses(of_left, np.arange(3)).tolist() == [Miss.FOUND, Miss.TAKEN, Miss.FOUND]
+
+
+def with_unseen(left, right):
+    return replace(predict(sigma_mm=4.0), unseen=np.array([left, right]))
+
+
+def test_a_target_that_is_turned_away_gets_no_blob_however_near():
+    predicted = with_unseen([Miss.FOUND, Miss.TURNED_AWAY, Miss.FOUND], [Miss.FOUND] * 3)
+    of_left = predicted.nearest(0, images()[[0, 2]])
+    assert of_left.tolist() == [0, -1, 1]
+    assert predicted.misses(of_left, np.arange(3)).tolist() == [Miss.FOUND, Miss.TURNED_AWAY, Miss.FOUND]
+
+
+def test_a_merged_target_keeps_others_from_its_blob_and_gets_none():
+    predicted = with_unseen([Miss.FOUND] * 3, [Miss.FOUND, Miss.FOUND, Miss.MERGED])
+    of_right = predicted.nearest(1, images(1)[[0, 2]])
+    assert of_right.tolist() == [0, -2, 1]
+    assert predicted.misses(np.arange(3), of_right).tolist() == [Miss.FOUND, Miss.TAKEN, Miss.MERGED]
 
 
 def test_a_false_blob_farther_off_does_not_matter():

@@ -70,11 +70,12 @@ def test_a_target_with_a_blob_in_both_views_but_no_point_is_left_out():
 
 def test_images_carry_the_sigma_of_their_lines():
     places, _ = wall(0.0)
+    seen = np.isin(np.arange(108) % 6, (1, 2, 3, 4))
     blobs = [
-        ViewBlobs(project(view, places), np.full((108, 2), 0.1), np.full(108, 0.07), 3.0)
+        ViewBlobs(project(view, places), np.full((108, 2), 0.1), np.full(108, 0.07), 3.0).select(seen)
         for view in RIG.views
     ]
-    left = blobs[0].select(np.arange(108) != 40)
+    left = blobs[0].select(np.flatnonzero(seen) != 40)
     points = CORRESPONDENCE.identify(left, blobs[1]).points
     found = SEARCH.images(points, left, blobs[1])
     assert found.target.tolist() == [41]

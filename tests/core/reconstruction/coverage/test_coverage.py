@@ -194,6 +194,19 @@ def test_what_turns_away_from_a_view_is_not_expected():
     assert tally.result().share > 0.99
 
 
+def test_every_field_of_a_target_is_expected_or_has_a_reason_why_not(whole):
+    assert (whole.expected + whole.unexpected.sum(axis=1) == FIELDS).all()
+    assert not whole.unexpected[:, [Miss.FOUND, Miss.NO_BLOB, Miss.OUTSIDE]].any()
+    assert whole.unexpected[:, Miss.TURNED_AWAY].reshape(-1, COLUMNS)[:, [0, -1]].any()
+
+
+def test_an_object_beside_a_view_is_not_expected_because_it_is_outside():
+    aside = replace(MODEL, xyz_mm=MODEL.xyz_mm + np.array([0.0, 60.0, 0.0]))
+    dark = tuple(blobs.select(np.zeros(len(blobs), bool)) for blobs in next(scenes(1))[0])
+    unexpected = covered(5, lambda n, blobs, whose: dark, object_model=aside).unexpected
+    assert unexpected[MIDDLE].argmax() == Miss.OUTSIDE
+
+
 def test_a_capture_without_fields_is_not_measured():
     coverage = covered(0)
     findings = judge(coverage)

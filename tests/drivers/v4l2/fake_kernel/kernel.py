@@ -6,7 +6,7 @@ from pathlib import Path
 from drivers.v4l2.fake_kernel.card import Card
 from drivers.v4l2.fake_kernel.queue import DEQUEUED, DONE, QUEUED, FakePages, refusal
 from grabberd_v4l2 import abi
-from grabberd_v4l2.kernel import POLL_ERR, POLL_HUP, POLL_IN, POLL_PRI
+from grabberd_v4l2.node import POLL_ERR, POLL_HUP, POLL_IN, POLL_PRI
 
 FLAGS = {DEQUEUED: 0, QUEUED: abi.BUF_FLAG_QUEUED, DONE: abi.BUF_FLAG_DONE}
 

@@ -13,8 +13,7 @@ SINGLE = (Arrangement.TOP, Arrangement.BOTTOM, Arrangement.ALTERNATE)
 
 def field_picture(number, columns=720, rows=ROWS):
     """(rows, columns) of the camera's field of that number; its parity is that of the number."""
-    lines = 2 * np.arange(rows) + number % 2
-    picture = (17 * number + 3 * lines[:, None] + np.arange(columns)).astype(np.uint8)
+    picture = _gradient(17 * number + 3 * (number % 2), columns, rows, 6)
     picture[:, :4] = np.frombuffer(number.to_bytes(4, "big"), np.uint8)
     picture[:, 4] = number % 2
     return picture
@@ -22,9 +21,15 @@ def field_picture(number, columns=720, rows=ROWS):
 
 def whole_picture(number, columns, lines):
     """(lines, columns) of a progressive camera's picture of that number."""
-    picture = (17 * number + 3 * np.arange(lines)[:, None] + np.arange(columns)).astype(np.uint8)
+    picture = _gradient(17 * number, columns, lines, 3)
     picture[:, :4] = np.frombuffer(number.to_bytes(4, "big"), np.uint8)
     return picture
+
+
+def _gradient(first, columns, lines, a_line):
+    """(lines, columns) of grey values that grow by one a column, and begin again after 255."""
+    down = (first + a_line * np.arange(lines)).astype(np.uint8)
+    return down[:, None] + np.arange(columns).astype(np.uint8)
 
 
 def blocks_picture(number, columns, lines):

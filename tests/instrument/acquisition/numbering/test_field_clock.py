@@ -46,9 +46,9 @@ def test_the_times_of_a_recording_pass_as_they_are():
 def test_the_first_corrections_are_those_of_a_running_mean():
     clock = FieldClock(PERIOD_NS)
     clock.lock(0)
-    assert clock.advance(1, PERIOD_NS + 6_000_000) == PERIOD_NS + 3_000_000
-    assert clock.advance(1, 2 * PERIOD_NS + 3_000_000) == pytest.approx(2 * PERIOD_NS + 3_000_000, abs=2_000)
-    assert clock.advance(1, 3 * PERIOD_NS) == pytest.approx(3 * PERIOD_NS + 2_250_000, abs=2_000)
+    assert clock.advance(1, PERIOD_NS + 6_000_000) == pytest.approx(PERIOD_NS + 3_000_000, abs=4_000)
+    assert clock.advance(1, 2 * PERIOD_NS + 3_000_000) == pytest.approx(2 * PERIOD_NS + 3_000_000, abs=4_000)
+    assert clock.advance(1, 3 * PERIOD_NS) == pytest.approx(3 * PERIOD_NS + 2_250_000, abs=4_000)
 
 
 def test_times_that_are_late_from_now_on_are_followed_within_two_seconds_and_critically_damped():
@@ -78,11 +78,11 @@ def test_a_camera_whose_clock_is_off_is_followed_without_drift(ppm):
     assert abs(errors[-2_000:].mean()) < 0.1e6
 
 
-def test_the_period_never_leaves_the_nominal_one_by_more_than_a_thousandth():
+def test_the_period_never_leaves_the_nominal_one_by_more_than_half_a_per_cent():
     clock = FieldClock(PERIOD_NS)
     run(clock, 21_000_000 * np.arange(500))
     before_ns = clock.time_ns
-    assert clock.advance(1) - before_ns <= 1.001 * PERIOD_NS + 1
+    assert clock.advance(1) - before_ns <= 1.005 * PERIOD_NS + 1
 
 
 def test_locking_anew_keeps_the_period():
@@ -90,3 +90,17 @@ def test_locking_anew_keeps_the_period():
     run(clock, np.round(1.0002 * PERIOD_NS * np.arange(5_000)).astype(np.int64))
     clock.lock(0)
     assert clock.advance(1_000) == pytest.approx(1_000 * 1.0002 * PERIOD_NS, abs=0.2e6)
+
+
+@pytest.mark.parametrize("ppm", [-4000, -500, 500, 4000])
+def test_the_rate_of_a_camera_and_how_well_it_is_known_are_learned_within_two_seconds(ppm):
+    clock = FieldClock(PERIOD_NS)
+    assert clock.period_sigma > 1e-3
+    true = PERIOD_NS * (1 + ppm * 1e-6)
+    run(
+        clock,
+        np.round(true * np.arange(100)).astype(np.int64)
+        + np.random.default_rng(4).integers(0, 2_000_000, 100),
+    )
+    assert clock.period_sigma < 4e-4
+    assert abs(clock.period_ns / true - 1) < 2 * clock.period_sigma

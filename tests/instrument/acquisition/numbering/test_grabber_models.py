@@ -2,10 +2,11 @@
 
 import random
 
+import numpy as np
 import pytest
 
 from grabberd.core.field import FieldOrder
-from grabberd.core.ledger import Outcome
+from grabberd.core.ledger import Outcome, too_high_by
 from grabberd.instrument.acquisition.numbering import FieldNumbering
 from instrument.acquisition.grabbers import GrabberModel
 
@@ -60,6 +61,59 @@ def test_every_field_has_its_number_and_its_time(case, counts, order):
     # The mean of a jitter of up to 8 ms is 4 ms, which no clock can tell from the way.
     apart_ns = [abs(one.time_ns - model.exposed_ns(each.n)) for each, one in zip(taken, found, strict=True)]
     assert max(apart_ns) < 6_000_000
+
+
+def told_off(found):
+    """Fields by which each number is too high by the events so far."""
+    events = [sum(too_high_by(event) for event in one.rebases) for one in found]
+    return np.cumsum(events).tolist()
+
+
+BUSY = tuple((2.0 + 0.12 * k, 0.03 + 0.17 * (k * 0.618 % 1)) for k in range(500))
+RATES = {
+    "50.2 Hz": (-4e-3, 3),
+    "49.9 Hz": (2e-3, 6),
+    "50.05 Hz": (-1e-3, 12),
+    "a normal camera": (-1e-4, 120),
+}
+
+
+@pytest.mark.parametrize("stamps", ["exposure", "arrival"])
+@pytest.mark.parametrize(("drift", "lasts_s"), RATES.values(), ids=list(RATES))
+def test_a_camera_whose_rate_is_off_has_right_numbers_after_a_long_doubt(drift, lasts_s, stamps):
+    lossy = tuple((n, 2) for n in range(150, 150 + 50 * lasts_s, 5))
+    taken, found = numbered(GrabberModel(drift=drift, stamps=stamps, silent=lossy, fields=500 + 50 * lasts_s))
+    assert set(off(taken, found)) == {0}
+    assert set(told_off(found)) == {0}
+
+
+@pytest.mark.parametrize("drift", [-1e-4, 1e-3, 4e-3])
+def test_on_a_computer_that_is_busy_for_a_minute_a_camera_whose_rate_is_off_loses_nothing(drift):
+    model = GrabberModel(drift=drift, silent=((99, 1),), pauses=BUSY, fields=3500, buffers=32)
+    taken, found = numbered(model)
+    certain = [not (one.reason or "").startswith(UNCERTAIN) for one in found]
+    assert {one for one, sure in zip(off(taken, found), certain, strict=True) if sure} == {0}
+    assert told_off(found)[-1] == 0
+
+
+def test_losses_are_certain_while_the_program_is_in_time_for_every_field_that_comes():
+    taken, found = numbered(GrabberModel(silent=tuple((n, 2) for n in range(150, 450, 5))))
+    assert set(off(taken, found)) == {0}
+    assert {one.outcome for one in found} == {Outcome.RECEIVED}
+
+
+@pytest.mark.parametrize("grid_ms", [1.0, 4.0, 10.0])
+@pytest.mark.parametrize("seed", range(4))
+def test_arrivals_stamped_by_a_clock_that_ticks_are_not_taken_for_exposures(grid_ms, seed):
+    draw, at_s, pauses = random.Random(seed), 2.0, []
+    while at_s < 4.0:
+        pauses.append((at_s, draw.expovariate(10)))
+        at_s += pauses[-1][1] + draw.uniform(0.005, 0.05)
+    model = GrabberModel(stamps="arrival", grid_ms=grid_ms, pauses=tuple(pauses), buffers=32, seed=seed)
+    taken, found = numbered(model)
+    wrong_by = [one - told for one, told in zip(off(taken, found), told_off(found), strict=True)]
+    certain = [not (one.reason or "").startswith(UNCERTAIN) for one in found]
+    assert {one for one, sure in zip(wrong_by, certain, strict=True) if sure} == {0}
 
 
 def test_a_field_is_kept_back_only_while_it_is_in_doubt():

@@ -122,6 +122,20 @@ def test_a_queue_that_drains_evenly_is_no_pace():
     assert_honest(range(200), found)
 
 
+@pytest.mark.parametrize("seed", range(10))
+def test_stamps_that_jitter_by_half_a_period_are_no_other_pace(seed):
+    """As on USB, whose pictures come in batches of 8 ms."""
+    draw = np.random.default_rng(seed)
+    numbering = Numbering(info(FieldOrder.PROGRESSIVE, rate_hz=60.0, counts_losses=True))
+    for n in range(1000):
+        came_ns = START_NS + round(n * 1e9 / 60 + draw.uniform(0, 8e6))
+        numbering.see(GrabbedField(Field.progressive(LUMA), came_ns, n, None), now_ns=came_ns)
+    found = numbering.settled()
+    assert [one.n for one in found] == [*range(1000)]
+    assert {one.outcome for one in found} == {Outcome.RECEIVED}
+    assert not any(one.rebases for one in found)
+
+
 @pytest.mark.parametrize("seed", range(20))
 def test_whatever_the_pace_a_number_is_right_or_says_by_how_much_it_may_be_off(seed):
     draw = np.random.default_rng(seed)

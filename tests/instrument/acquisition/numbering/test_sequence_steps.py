@@ -2,7 +2,7 @@
 
 import pytest
 
-from grabberd.instrument.acquisition.numbering.field_numbering import SequenceSteps
+from grabberd.instrument.acquisition.numbering.arrivals import SequenceSteps
 
 
 def steps(counts, alternate=True, parities=None):
@@ -49,6 +49,22 @@ def test_a_frame_may_begin_with_the_bottom_field():
 @pytest.mark.parametrize("last", [2**32 - 1, 2**32 - 2])
 def test_the_count_may_wrap(last):
     assert steps([last, (last + 2) % 2**32], alternate=False) == [None, 2]
+
+
+@pytest.mark.parametrize("wrap", [2**16, 2**17])
+@pytest.mark.parametrize("lost", [0, 40])
+def test_a_count_of_16_bits_wraps_every_22_minutes_and_one_of_frames_every_44(wrap, lost):
+    sequence = SequenceSteps(alternate=False)
+    sequence.step(wrap - 1 - lost // 2, 0)
+    assert sequence.step((lost + 1) // 2, 1) == 1 + lost
+    assert not sequence.restarted
+
+
+def test_a_count_that_begins_anew_from_elsewhere_has_not_wrapped():
+    sequence = SequenceSteps(alternate=False)
+    sequence.step(30_000, 0)
+    assert sequence.step(1, 1) is None
+    assert sequence.restarted
 
 
 def test_the_shared_count_may_wrap():

@@ -87,3 +87,11 @@ def test_a_way_is_known_when_it_has_come_true_eight_times_more_often_than_not():
     assert way.after(9.0).is_known, "what comes late tells nothing new"
     assert not way.after(1.0).is_known, "what comes sooner does"
     assert Way(2.0, 5).after(9.0).regular == 4
+
+
+def test_what_waits_for_the_program_tells_nothing_of_a_slower_computer():
+    way = Way(1.0, 8)
+    for _ in range(900):
+        way = way.after(20.0, waited=True)
+    assert way.periods == 1.0
+    assert way.after(20.0).periods > 1.0

@@ -5,6 +5,7 @@ import pytest
 from grabberd.core.field import NTSC_HZ, FieldOrder
 from grabberd.core.ledger import Outcome
 from grabberd.instrument.acquisition.numbering import FieldNumbering
+from instrument.acquisition.streams import START_NS, grab, info
 from instrument.acquisition.ticks import TickedDevice
 
 STREAMS = [
@@ -58,3 +59,16 @@ def test_a_device_that_wakes_late_now_and_then_loses_nothing(order, rate_hz):
     taken, found = numbered(device, device.asked_ns)
     assert [one.n for one in found] == [each.n for each in taken]
     assert sum(one.outcome is Outcome.RECEIVED for one in found) == len(taken)
+
+
+@pytest.mark.parametrize(("order", "in_turn"), [(FieldOrder.ALTERNATE, 1), (FieldOrder.TOP_FIRST, 2)])
+def test_times_do_not_run_away_from_fields_while_ticks_as_long_as_periods_pass_them(order, in_turn):
+    numbering, period_ns, tick_ns = FieldNumbering(info(order, rate_hz=NTSC_HZ)), 1e9 / NTSC_HZ, 16_667_000
+    found = []
+    for n in range(3500):
+        newest = n // in_turn * in_turn + in_turn - 1
+        came_ns = START_NS + round(newest * period_ns)
+        stamp_ns = came_ns // tick_ns * tick_ns - round((newest - n) * period_ns)
+        found += numbering.number(grab(n, time_ns=stamp_ns), now_ns=came_ns)
+    assert [one.n for one in found] == list(range(len(found)))
+    assert all(abs(one.time_ns - START_NS - one.n * period_ns) < 1.3 * period_ns for one in found)

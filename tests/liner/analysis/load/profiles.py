@@ -6,8 +6,7 @@ import numpy as np
 
 from grabberd_liner.analysis.estimate import Estimate, Joint
 from grabberd_liner.analysis.load.load_profile import LoadProfile
-from grabberd_liner.analysis.load.pressure import ChamberVacuum
-from grabberd_liner.analysis.load.pressure_model import PressureModel
+from grabberd_liner.analysis.load.pressure import ChamberVacuum, PressureModel
 from liner.analysis.walls import as_points, pressure_map, solved
 
 X_MM = np.arange(-55.0, 56.0, 5.0)

@@ -4,13 +4,13 @@ import numpy as np
 import pytest
 
 from grabberd.errors import AnalysisError
-from grabberd_liner.analysis.load.closed_liner import (
+from grabberd_liner.analysis.load.load_profile import (
+    Noise,
     is_empty,
     mean_profile,
     phase_weights,
     teat_heights,
 )
-from grabberd_liner.analysis.load.load_profile import Noise
 from liner.analysis.load.profiles import SIGMA_N_PER_MM, TEAT_END_MM, X_MM, closed
 
 

@@ -7,7 +7,7 @@ import pytest
 
 from grabberd.errors import AnalysisError
 from grabberd_liner.analysis.load.empty_ramp import liner_values
-from grabberd_liner.analysis.load.load_prior import TubePrior
+from grabberd_liner.analysis.load.wall_model import TubePrior
 from liner.analysis.ramps import empty, guessed, open_liner, ramp, solved_kpa
 
 E_T3 = np.array([1.0, 3.0, 0.0])

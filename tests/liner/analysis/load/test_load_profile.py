@@ -8,10 +8,9 @@ import pytest
 
 from grabberd_fake.wall_states import Patch
 from grabberd_liner.analysis.load.load_fit import Response, posterior
-from grabberd_liner.analysis.load.load_prior import Difference, LoadPrior, TubePrior
 from grabberd_liner.analysis.load.load_profile import profile_heights
 from grabberd_liner.analysis.load.mounting import Mounting
-from grabberd_liner.analysis.load.wall_model import WallModel
+from grabberd_liner.analysis.load.wall_model import Difference, LoadPrior, TubePrior, WallModel
 from liner.analysis.load.profiles import DIFFERENCES_KPA, solved_profiles
 from liner.analysis.walls import as_points, solved
 

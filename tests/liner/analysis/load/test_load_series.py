@@ -3,7 +3,7 @@
 import pytest
 
 from grabberd.errors import AnalysisError
-from grabberd_liner.analysis.load import pressure_model
+from grabberd_liner.analysis.load import pressure
 from grabberd_liner.analysis.load.load_fit import fit_load
 from liner.analysis.fitted_liner import FittedLiner
 
@@ -26,7 +26,7 @@ def test_a_search_that_fails_nearby_begins_again_from_the_open_wall(case, monkey
         return fit_load(model, sights, difference, start)
 
     tried = []
-    monkeypatch.setattr(pressure_model, "fit_load", across_a_fold)
+    monkeypatch.setattr(pressure, "fit_load", across_a_fold)
     found = again.fitted(30.0)
     assert len(tried) == 1
     assert found.j == pytest.approx(expected.j, rel=0.05)

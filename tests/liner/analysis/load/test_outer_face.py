@@ -4,11 +4,15 @@ import numpy as np
 import pytest
 
 from grabberd_liner.analysis.load.load_fit import posterior
-from grabberd_liner.analysis.load.pressure import ChamberVacuum
-from grabberd_liner.analysis.load.pressure_model import PressureModel
+from grabberd_liner.analysis.load.pressure import ChamberVacuum, PressureModel
 from grabberd_liner.analysis.load.targets import TargetPlaces
-from grabberd_liner.analysis.surface.face import supported_places, surface_area
-from grabberd_liner.analysis.surface.sections import Plane, sections, volume_mm3
+from grabberd_liner.analysis.surface.sections import (
+    Plane,
+    sections,
+    supported_places,
+    surface_area,
+    volume_mm3,
+)
 from liner.analysis.solved_face import SolvedFace
 from liner.analysis.walls import as_points, solved
 

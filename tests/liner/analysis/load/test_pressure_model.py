@@ -4,9 +4,8 @@ import numpy as np
 import pytest
 
 from grabberd.errors import AnalysisError
-from grabberd_liner.analysis.load.closed_liner import teat_heights
-from grabberd_liner.analysis.load.pressure import ChamberVacuum
-from grabberd_liner.analysis.load.pressure_model import PressureModel
+from grabberd_liner.analysis.load.load_profile import teat_heights
+from grabberd_liner.analysis.load.pressure import ChamberVacuum, PressureModel
 from grabberd_liner.analysis.wall.material import Zone
 from liner.analysis.walls import (
     EIGHT_BITS_MM,

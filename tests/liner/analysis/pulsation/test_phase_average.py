@@ -8,7 +8,7 @@ from numpy.testing import assert_allclose
 
 from grabberd.core.reconstruction import SingleViewImages
 from grabberd.errors import AnalysisError
-from grabberd_fake.ellipse_liner import EllipseLiner
+from grabberd_fake.liner import EllipseLiner
 from grabberd_fake.liner_options import EllipseOptions
 from grabberd_liner.analysis.pulsation.movement import first_movement
 from grabberd_liner.analysis.pulsation.phase_average import phase_average

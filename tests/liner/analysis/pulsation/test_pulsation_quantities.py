@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from grabberd_liner.analysis.estimate import Estimate
-from grabberd_liner.analysis.pulsation.pulsation_quantities import (
+from grabberd_liner.analysis.pulsation.phases import (
     lag_quantities,
     movement_quantities,
     vacuum_quantities,

@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 
 from grabberd_liner.analysis.estimate import Estimate
-from grabberd_liner.analysis.pulsation.phases import Phases
-from grabberd_liner.analysis.pulsation.pulsation_quantities import pulsator_limits, verdict
+from grabberd_liner.analysis.pulsation.phases import Phases, pulsator_limits, verdict
 
 
 def phases(durations_s, sigma_s=0.001, defined_by="vacuum"):

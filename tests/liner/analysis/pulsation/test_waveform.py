@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose
 
-from grabberd_liner.analysis.pulsation.waveform import Waveform, basis, basis_slope, prior_precision, rotated
+from grabberd_liner.analysis.pulsation.movement import Waveform, basis, basis_slope, prior_precision, rotated
 
 phases = st.floats(-3, 3)
 

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from grabberd_liner.analysis.surface.face import surface_area
 from grabberd_liner.analysis.surface.fitting import choose_smoothing, fit_surface
+from grabberd_liner.analysis.surface.sections import surface_area
 from liner.analysis.collapsing import PITCH_MM, SIGMA_8_BIT_MM, as_points, grid, points
 
 

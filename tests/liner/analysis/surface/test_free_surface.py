@@ -4,9 +4,8 @@ import numpy as np
 import pytest
 
 from grabberd.errors import AnalysisError
-from grabberd_liner.analysis.surface.face import surface_area
 from grabberd_liner.analysis.surface.free_surface import Height, Tube, fit_free_surface, free_shape
-from grabberd_liner.analysis.surface.sections import Plane, sections
+from grabberd_liner.analysis.surface.sections import Plane, sections, surface_area
 from grabberd_liner.analysis.wall.strain import curvature_per_m, outer_forms
 from liner.analysis.collapsing import AXIS_Z_MM, SIGMA_8_BIT_MM, by_differences, grid, middle
 from liner.analysis.test_grid import of

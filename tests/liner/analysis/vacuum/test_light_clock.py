@@ -48,8 +48,8 @@ def test_a_minute_gives_the_offset_to_a_tenth_of_a_millisecond() -> None:
     [
         (20, 1000.0, 0.0, 1e-3, 0.3),
         (20, 100.0, 3e-4, 1e-3, 0.5),
-        (40, 1000.0, 1e-3, 1e-3, 0.5),
-        (40, 200.0, 0.0, 5e-3, 0.2),
+        (20, 1000.0, 1e-3, 1e-3, 0.5),
+        (20, 200.0, 0.0, 5e-3, 0.2),
     ],
 )
 def test_the_sigma_is_that_of_the_error(

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from grabberd_fake.wall_states import wall_states
-from grabberd_liner.analysis.wall.block_band import Forces
 from grabberd_liner.analysis.wall.half_tube import HalfTube, MountedTube
+from grabberd_liner.analysis.wall.rubber import Forces
 from grabberd_liner.analysis.wall.shell import Load
 from liner.analysis.wall.half_tubes import SolvedWall, load, outer_face, settled
 

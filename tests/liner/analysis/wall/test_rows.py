@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from grabberd_liner.analysis.wall.block_band import Factors, Forces, Rows
 from grabberd_liner.analysis.wall.half_tube import Cuts
+from grabberd_liner.analysis.wall.rubber import Factors, Forces, Rows
 from grabberd_liner.analysis.wall.splines import GAUSS_ALONG, GAUSS_ROUND, SplineAxis, SplineGrid
 
 GRID = SplineGrid(SplineAxis.over(0.0, 1.0, 3), SplineAxis.over(0.0, 1.0, 6))

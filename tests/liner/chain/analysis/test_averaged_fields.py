@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from grabberd_liner.analysis.pulsation.movement import TimedPoints
-from grabberd_liner.chain.analysis.field_points import FieldPoints, averaged_fields
+from grabberd_liner.chain.analysis.wall_state import FieldPoints, averaged_fields
 from liner.analysis.walls import outermost_alone, solved_six
 
 SIGMA_MM = np.array([0.01, 0.01, 0.03])

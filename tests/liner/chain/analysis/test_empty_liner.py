@@ -11,10 +11,9 @@ from grabberd_fake.wall_states import buckling_kpa, touch_kpa
 from grabberd_liner.analysis.pulsation.movement import TimedPoints
 from grabberd_liner.analysis.wall.material import read_zones
 from grabberd_liner.chain.analysis.analyse import analyse
-from grabberd_liner.chain.analysis.field_points import FieldPoints
 from grabberd_liner.chain.analysis.inputs import read_inputs
-from grabberd_liner.chain.analysis.quantities import quantities
-from grabberd_liner.chain.analysis.tables import tables
+from grabberd_liner.chain.analysis.tables import quantities, tables
+from grabberd_liner.chain.analysis.wall_state import FieldPoints
 from liner.analysis.ramps import BROAD, empty
 
 LINER_KPA, RATE_KPA_PER_S = 42.0, 1.0

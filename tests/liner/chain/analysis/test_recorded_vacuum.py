@@ -8,10 +8,9 @@ from core.chain.milking import FAKE, whole
 from drivers.fake.iso_phases import iso_phases_s
 from grabberd.errors import InputError
 from grabberd_fake.vacuum import pulsation_kpa
-from grabberd_liner.analysis.vacuum.light_clock import LightClock
+from grabberd_liner.analysis.vacuum.light_clock import FoundLight, LightClock
 from grabberd_liner.analysis.vacuum.vacuum import ChannelCurve
 from grabberd_liner.chain.analysis.vacuum_inputs import read_vacuum
-from grabberd_liner.chain.light_clock import FoundLight
 
 TIME_S = np.arange(100) * 0.02
 BOTH = {"pulsation": "channel", "liner": "channel"}

@@ -8,9 +8,8 @@ from core.chain.milking import FAKE, PERIOD_S, log, whole
 from drivers.fake.iso_phases import iso_phases_s
 from grabberd.errors import GrabberdError, InputError
 from grabberd_fake.vacuum import pulsation_kpa
-from grabberd_liner.analysis.vacuum.light_clock import LightClock
+from grabberd_liner.analysis.vacuum.light_clock import FoundLight, LightClock
 from grabberd_liner.chain.analysis.vacuum_inputs import read_vacuum
-from grabberd_liner.chain.light_clock import FoundLight
 
 TIME_S = np.arange(50) * 0.02
 LOGGED = {"pulsation": "log", "liner": "log", "offset": {"s": -0.3, "sigma_s": 0.002}}

@@ -7,10 +7,10 @@ from grabberd_liner.analysis.estimate import Estimate
 from grabberd_liner.analysis.pulsation.movement import TimedPoints
 from grabberd_liner.chain.analysis.analyse import analyse
 from grabberd_liner.chain.analysis.columns import TABLES
-from grabberd_liner.chain.analysis.field_points import FieldPoints, averaged_fields
 from grabberd_liner.chain.analysis.inputs import read_inputs
 from grabberd_liner.chain.analysis.profile_inputs import Profile
 from grabberd_liner.chain.analysis.tables import tables
+from grabberd_liner.chain.analysis.wall_state import FieldPoints, averaged_fields
 from grabberd_liner.chain.guided_tests.outcome import Evidence
 
 FIELD_S = 0.02

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from grabberd_liner.analysis.pulsation.movement import TimedPoints
-from grabberd_liner.chain.analysis.field_points import FieldPoints
+from grabberd_liner.chain.analysis.wall_state import FieldPoints
 from grabberd_liner.chain.guided_tests.evaluate import preconditions
 from grabberd_liner.chain.guided_tests.recipes import RECIPES
 from liner.analysis.ramps import empty

@@ -7,8 +7,8 @@ import pytest
 
 from grabberd_fake.wall_states import buckling_kpa, touch_kpa
 from grabberd_liner.analysis.pulsation.movement import TimedPoints
-from grabberd_liner.chain.analysis.field_points import FieldPoints
 from grabberd_liner.chain.analysis.tables import tables
+from grabberd_liner.chain.analysis.wall_state import FieldPoints
 from grabberd_liner.chain.guided_tests.outcome import worst
 from grabberd_liner.chain.guided_tests.ramp_test import ramp_test
 from liner.analysis.ramps import empty

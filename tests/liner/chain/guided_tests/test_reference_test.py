@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from grabberd_liner.analysis.pulsation.movement import TimedPoints
-from grabberd_liner.chain.analysis.field_points import FieldPoints
+from grabberd_liner.chain.analysis.wall_state import FieldPoints
 from grabberd_liner.chain.guided_tests.reference_test import mounting_stretch, reference_test
 from liner.analysis.ramps import empty
 from liner.analysis.walls import SolvedLiner, solved_six

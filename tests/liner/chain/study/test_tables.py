@@ -6,8 +6,7 @@ from scipy import stats
 
 from grabberd.reports import document_json
 from grabberd_liner.chain.study.study import StudyQuestion, make_study
-from grabberd_liner.chain.study.study_document import study_document
-from grabberd_liner.chain.study.tables import tables
+from grabberd_liner.chain.study.study_document import study_document, tables
 from liner.chain.study.captured import COMPRESSION, OPENING, capture, herd
 
 QUESTION = StudyQuestion(by="liner", within="cow", over="milkings")

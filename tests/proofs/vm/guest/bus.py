@@ -7,8 +7,7 @@ from typing import Any
 
 from grabberd.errors import GrabberdError
 from grabberd_v4l2.devices import Identity, usb_places, video_nodes
-from grabberd_v4l2.discovery import discover
-from grabberd_v4l2.usb import libusb, reset_of
+from grabberd_v4l2.discovery import discover, libusb, reset_of
 from proofs.vm.guest.shell import run, wait_for
 
 GADGET = Path("/sys/kernel/config/usb_gadget/easycap")

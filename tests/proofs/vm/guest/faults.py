@@ -74,11 +74,11 @@ def happen(name: str) -> None:
         fault.heal()
 
 
-def suffer(name: str, **options: Any) -> dict[str, Any]:
+def suffer(name: str, return_s: float = instrument.RETURN_S, **options: Any) -> dict[str, Any]:
     """A capture through a fault, by a service that has seen no other."""
     instrument.start(**options)
     try:
-        return instrument.capture_through(*FAULTS[name])
+        return instrument.capture_through(*FAULTS[name], return_s=return_s)
     finally:
         instrument.stop()
 

@@ -88,9 +88,20 @@ def node() -> str:
 
 
 def capture_through(
-    happen: Callable[[], None], heal: Callable[[], None] | None, heal_after_s: float
+    happen: Callable[[], None],
+    heal: Callable[[], None] | None,
+    heal_after_s: float,
+    *,
+    return_s: float = RETURN_S,
 ) -> dict[str, Any]:
     """Captures; a second later something happens, and later it is over; two good seconds end it.
+
+    Args:
+        happen: what happens.
+        heal: ends it, if it has an end.
+        heal_after_s: from one to the other.
+        return_s: how long fields are waited for after the end; on a machine that does not keep time, a busy
+            host makes seconds of minutes.
 
     Returns:
         `noticed_s` from the happening, by state or ledger, None if never; `recovered_s` from its end to
@@ -110,7 +121,7 @@ def capture_through(
         watched.until(lambda: time.monotonic() > begun + heal_after_s, PATIENCE_S)
         begun = time.monotonic()
         heal()
-    recovered_s = watched.until_received(begun)
+    recovered_s = watched.until_received(begun, return_s)
     watched.until(lambda: False, 2.0)
     recording.stop("the test is over")
     assert recording.sealed.wait(PATIENCE_S)
@@ -161,7 +172,7 @@ class _Watched:
         noticed = self.until(lambda: self._board.state not in good or self._losses > self._entries, seconds)
         return time.monotonic() - since if noticed else None
 
-    def until_received(self, since: float) -> float | None:
+    def until_received(self, since: float, patience_s: float) -> float | None:
         """Seconds until fields are received again."""
         ledger = self._recording.recorder.ledger
         received = ledger.received
@@ -169,7 +180,7 @@ class _Watched:
         def again() -> bool:
             return ledger.received > received + 1 and self._board.state is DeviceState.CAPTURING
 
-        return time.monotonic() - since if self.until(again, RETURN_S) else None
+        return time.monotonic() - since if self.until(again, patience_s) else None
 
     @property
     def _losses(self) -> int:

@@ -14,7 +14,7 @@ from grabberd.core.ledger import Ledger
 from grabberd.instrument.acquisition import FieldNumbering, Numbered, StreamInfo
 from grabberd_v4l2 import V4l2Grabber
 from grabberd_v4l2.discovery import ask
-from grabberd_v4l2.kernel import LinuxKernel
+from grabberd_v4l2.node import LinuxKernel
 from proofs.vm.guest import vivid
 
 TIMEOUT_S = 1.0

@@ -96,6 +96,6 @@ def test_that_a_file_is_damaged_is_said_of_the_routes_that_open_one(description:
         if any("410" in operation["responses"] for operation in methods.values())
     ]
     points = (f"/points{ending}" for ending in ("", ".csv", ".ply", ".parquet", ".mat", ".c3d"))
-    opened = ("/file", "/runs/{run}", *points, "/channels", "/channels.csv", "/fields/{n}.png")
+    opened = ("/file", "/ledger", "/runs/{run}", *points, "/channels", "/channels.csv", "/fields/{n}.png")
     shown = ("/thumbnail.png", "/widths", "/replay/points", "/replay/pictures")
     assert damaged == [f"/api/v1/captures/{{capture_id}}{one}" for one in (*opened, *shown)]

@@ -13,6 +13,7 @@ from grabberd.server.api.guard import authentication
 from grabberd.server.api.guard.authentication import (
     ADDRESSES,
     COOKIE,
+    FORGOTTEN_AFTER_S,
     FREE_ATTEMPTS,
     LONGEST_WAIT_S,
     Attempts,
@@ -80,22 +81,38 @@ def test_others_do_not_wait(attempts: Attempts) -> None:
 
 
 def test_who_was_right_before_does_not_wait_behind_the_same_address(attempts: Attempts) -> None:
-    attempts.succeeded("a", "right")
+    attempts.succeeded("right")
     fail(attempts, "a", FREE_ATTEMPTS + 5)
     assert waits_s(attempts, "a", "right") == 0
     assert waits_s(attempts, "a", "guess") == 16
 
 
-def test_being_right_ends_the_wait(attempts: Attempts) -> None:
+def test_being_right_ends_the_wait_of_that_token_alone(attempts: Attempts) -> None:
     fail(attempts, "a", FREE_ATTEMPTS + 5)
-    attempts.succeeded("a", "right")
-    assert waits_s(attempts, "a") == 0
+    attempts.succeeded("right")
+    assert waits_s(attempts, "a", "right") == 0
+    assert waits_s(attempts, "a") == 16
+
+
+def test_a_valid_token_buys_no_further_guesses(attempts: Attempts) -> None:
+    for _ in range(FREE_ATTEMPTS + 5):
+        attempts.failed("a")
+        attempts.succeeded("right")
+    assert waits_s(attempts, "a") == 16
+
+
+def test_who_mistypes_now_and_then_is_never_made_to_wait(attempts: Attempts, clock: Ticks) -> None:
+    for _ in range(3 * FREE_ATTEMPTS):
+        attempts.failed("a")
+        assert waits_s(attempts, "a", "right") == 0
+        attempts.succeeded("right")
+        clock.now_s += FORGOTTEN_AFTER_S + 1
 
 
 def test_however_many_try_few_are_remembered(attempts: Attempts) -> None:
     for n in range(3 * ADDRESSES):
         fail(attempts, f"client {n}", 1)
-        attempts.succeeded(f"friend {n}", f"secret {n}")
+        attempts.succeeded(f"secret {n}")
     assert len(attempts._records) == ADDRESSES
     assert len(attempts._proven) <= ADDRESSES
 

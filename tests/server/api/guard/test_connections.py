@@ -3,6 +3,7 @@
 import http.client
 import json
 import logging
+import re
 import socket
 import ssl
 import subprocess
@@ -18,9 +19,8 @@ from grabberd.config import HttpLimits, TlsConfig
 from grabberd.documents.enums import Role
 from grabberd.errors import ConfigError
 from grabberd.server.api.guard import limits
-from grabberd.server.api.guard.front import Front, Proxies
+from grabberd.server.api.guard.front import Front, Proxies, bind
 from grabberd.server.api.serving import server_of, tls_context
-from grabberd.server.api.sockets import bind
 from grabberd.server.daemon.descriptors import AT_ONCE
 from server.api.gates import Gated, inside
 
@@ -307,3 +307,33 @@ def test_nothing_secret_is_logged_whatever_is_sent(
     told = caplog.text + "".join(capfd.readouterr())
     assert "invalid tokens" in told
     assert not any(secret in told for secret in [*gated.secrets.values(), "wrong-one"])
+
+
+@pytest.mark.parametrize(
+    "request_head",
+    [
+        "POST /api/v1/captures HTTP/1.1\r\nContent-Length: 5\r\nTransfer-Encoding: chunked\r\n",
+        "GET /healthz HTTP/1.1\r\nTransfer-Encoding: chunked\r\nContent-Length: 5\r\n",
+        "GET /healthz HTTP/1.0\r\nConnection: keep-alive\r\nTransfer-Encoding: chunked\r\n",
+        "GET /healthz HTTP/1.1\r\nContent-Length: 5\r\nContent-Length: 6\r\n",
+        "GET /healthz HTTP/1.1\r\nTransfer-Encoding: chunked\r\nTransfer-Encoding: chunked\r\n",
+        "GET /healthz HTTP/1.1\r\nContent-Length: +5\r\n",
+        "GET /api/v1/preview HTTP/1.1\r\nUpgrade: websocket\r\nConnection: Upgrade\r\n"
+        "Sec-WebSocket-Version: 13\r\nSec-WebSocket-Key: dGhlIHNhbXBsZSBub25jZQ==\r\n"
+        "Content-Length: 5\r\nTransfer-Encoding: chunked\r\n",
+    ],
+)
+def test_a_body_of_two_lengths_is_refused_and_nothing_after_it_is_read(
+    tmp_path: Path, request_head: str
+) -> None:
+    with served(tmp_path, Front()) as gated, connected(gated) as client:
+        client.sendall(f"{request_head}Host: localhost\r\n\r\n0\r\n\r\nGET /healthz HTTP/1.1\r\n".encode())
+        answer = everything(client)
+        assert answer.startswith((b"HTTP/1.1 400 ", b"HTTP/1.0 400 ")), answer[:200]
+        assert b"connection: close" in answer.lower()
+        assert len(re.findall(rb"HTTP/1\.\d \d{3} ", answer)) == 1
+
+
+def everything(client: socket.socket) -> bytes:
+    """What comes until the other side closes."""
+    return b"".join(iter(lambda: client.recv(65536), b""))

@@ -16,6 +16,7 @@ from grabberd.documents.enums import Role
 from grabberd.server.api.guard.front import Front
 from grabberd.server.api.guard.limits import (
     LARGEST_AT_ONCE,
+    MOST_PARTS,
     SHORT_BYTES,
     Bodies,
     LimitedBody,
@@ -46,9 +47,26 @@ def test_a_longer_one_is_refused_by_its_own_word(gated: Gated) -> None:
     assert answer.headers["connection"] == "close"
 
 
+@pytest.mark.parametrize("path", [CAPTURES, "/healthz"])
+def test_a_request_that_frames_its_body_in_two_ways_is_refused_before_anything_else(
+    gated: Gated, path: str
+) -> None:
+    twice = {"Transfer-Encoding": "chunked", "Content-Length": "2"}
+    answer = gated.client().post(path, content=b"ab", headers=twice)
+    assert is_problem(answer, 400, "ambiguous-length")
+    assert answer.headers["connection"] == "close"
+
+
 def test_one_in_pieces_is_refused_when_it_becomes_too_long(gated: Gated) -> None:
     pieces = (b"x" * 100 for _ in range(20))
     answer = gated.client().post(CAPTURES, content=pieces, headers=gated.bearer(Role.OPERATOR))
+    assert is_problem(answer, 413, "content-too-large")
+
+
+def test_one_that_would_take_many_times_its_length_in_memory_is_refused(tmp_path: Path) -> None:
+    gated = Gated(tmp_path, front=Front())
+    lists = b"[" + b"[]," * (MOST_PARTS // 2 + 1) + b"0]"
+    answer = gated.client().post(CAPTURES, content=lists, headers=gated.bearer(Role.OPERATOR))
     assert is_problem(answer, 413, "content-too-large")
 
 

@@ -4,10 +4,9 @@ import asyncio
 import errno
 import os
 import pickle
-import resource
 import signal
 import time
-from collections.abc import Awaitable, Callable, Iterator
+from collections.abc import Awaitable, Callable
 from pathlib import Path
 from typing import Any
 
@@ -17,69 +16,16 @@ from starlette.types import Message
 from grabberd.archive.capture_contents import LIMITS as OF_PROCESS
 from grabberd.config import HttpLimits
 from grabberd.errors import ReadingGivenUp
-from grabberd.files.patience import check_patience
 from grabberd.server.api.contents import WAITING_A_THREAD, Content, ContentReader, Contents
 from grabberd.server.api.problems import Refusal
 from grabberd.server.api.streams.downloads import Download
 from grabberd.work.child import Limits
 from grabberd.work.frames import Call, Frame, Question
+from server.api.reading.things_to_read import about, breaking, chatty, counting, crash, deaf, echo, endless
 
 LIMITS = HttpLimits(reads=2, read_timeout_s=60)
-HERE = f"{__name__}:read"
+THINGS = f"{echo.__module__}:read"
 pytestmark = pytest.mark.usefixtures("importable")
-
-
-def echo(word: str) -> bytes:
-    return word.encode()
-
-
-def about() -> bytes:
-    """Number, niceness, limit of memory and rank for being killed of the process."""
-    rank = Path("/proc/self/oom_score_adj").read_text().strip()
-    return f"{os.getpid()} {os.nice(0)} {resource.getrlimit(resource.RLIMIT_DATA)[0]} {rank}".encode()
-
-
-def crash() -> bytes:
-    os.abort()
-
-
-def endless(file: Path) -> bytes:
-    with file.open("ab") as begun:
-        begun.write(b".")
-    while True:
-        check_patience("nothing")
-        time.sleep(0.001)
-
-
-def deaf(file: Path) -> bytes:
-    """Does not notice that nobody waits."""
-    file.touch()
-    time.sleep(600)
-    return b""
-
-
-def chatty() -> bytes:
-    print("a library says something")
-    return b"and this is the answer"
-
-
-def counting(file: Path) -> Iterator[str]:
-    try:
-        for number in range(100):
-            yield f"{number}" * 70_000
-    finally:
-        file.touch()
-
-
-def breaking() -> Iterator[bytes]:
-    yield bytes(100_000)
-    raise ReadingGivenUp("it broke", "try again")
-
-
-def read(name: str, *arguments: Any) -> Any:
-    """What the process answers."""
-    reads = (echo, about, crash, endless, deaf, chatty, counting, breaking)
-    return {one.__name__: one for one in reads}[name](*arguments)
 
 
 async def staying() -> Message:
@@ -103,7 +49,7 @@ async def there(file: Path, size: int = 0) -> None:
 
 def run(work: Callable[[Contents], Awaitable[Any]], limits: HttpLimits = LIMITS, **options: Any) -> Any:
     async def all_of_it() -> Any:
-        contents = Contents(limits, HERE, **options)
+        contents = Contents(limits, THINGS, **options)
         try:
             return await work(contents)
         finally:
@@ -305,7 +251,7 @@ def test_it_ends_when_whoever_asks_is_gone_even_if_a_reading_hangs(tmp_path: Pat
 
 
 def read_frame(reader: ContentReader, name: str, *arguments: Any) -> Frame:
-    call = Call(HERE, (name, *arguments), time.monotonic() + 60)
+    call = Call(THINGS, (name, *arguments), time.monotonic() + 60)
     return Frame(reader.new_number(), Question.CALL, pickle.dumps(call))
 
 

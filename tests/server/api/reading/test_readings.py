@@ -180,9 +180,9 @@ def test_closing_gives_up_all_of_them() -> None:
 
 @pytest.fixture
 def besieged(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[tuple[Served, str, Endless]]:
-    """A daemon in which describing a run takes for ever, a capture, and its reads."""
+    """A daemon in which listing captures takes for ever, a capture, and its reads."""
     endless = Endless()
-    monkeypatch.setattr("grabberd.server.api.routes.capture_contents.whole_run", endless)
+    monkeypatch.setattr("grabberd.server.api.routes.captures.page_of_captures", endless)
     with served(service_in(tmp_path, pace="real"), LONG) as daemon:
         status, document = ask(daemon, "POST", "/api/v1/captures", {"fields": 5})
         assert status == 202
@@ -214,7 +214,7 @@ def test_endless_reads_keep_nobody_from_health_state_and_stop(besieged: tuple[Se
     daemon, capture_id, endless = besieged
     status, running = ask(daemon, "POST", "/api/v1/captures", {"fields": 100_000})
     assert status == 202
-    with readers(daemon, f"/api/v1/captures/{capture_id}/runs/1", 45) as clients:
+    with readers(daemon, "/api/v1/captures", 45) as clients:
         assert endless.wait_for(LONG.reads)
         refused = 45 - LONG.reads * (1 + WAITING_A_THREAD)
         told = [client for client in clients if client in hearing(clients, refused)]
@@ -244,8 +244,8 @@ def hearing(clients: list[socket.socket], count: int) -> list[socket.socket]:
 
 
 def test_the_daemon_ends_while_endless_reads_run(besieged: tuple[Served, str, Endless]) -> None:
-    daemon, capture_id, endless = besieged
-    with readers(daemon, f"/api/v1/captures/{capture_id}/runs/1", 5):
+    daemon, _, endless = besieged
+    with readers(daemon, "/api/v1/captures", 5):
         assert endless.wait_for(LONG.reads)
         assert daemon.stop()
     assert endless.running == 0

@@ -24,8 +24,8 @@ def test_a_capture_is_started_and_can_be_found_where_the_answer_says(fast: TestC
     assert found.json()["id"] == answer.json()["id"]
 
 
-def test_a_sealed_capture_says_what_became_of_every_field(captured: tuple[TestClient, str]) -> None:
-    client, capture_id = captured
+def test_a_sealed_capture_says_what_became_of_every_field(kept: tuple[TestClient, str]) -> None:
+    client, capture_id = kept
     document = client.get(f"{CAPTURES}/{capture_id}").json()
     assert document["state"] == "sealed"
     assert document["verdict"] == "complete"
@@ -104,8 +104,8 @@ def test_an_unknown_device_is_refused_with_those_there_are(idle: TestClient) -> 
     assert "simulated" in refused.json()["hint"]
 
 
-def test_points_come_as_csv_with_their_sigma(captured: tuple[TestClient, str]) -> None:
-    client, capture_id = captured
+def test_points_come_as_csv_with_their_sigma(kept: tuple[TestClient, str]) -> None:
+    client, capture_id = kept
     answer = client.get(f"{CAPTURES}/{capture_id}/points.csv")
     assert answer.headers["content-type"].startswith("text/csv")
     assert capture_id in answer.headers["content-disposition"]
@@ -114,8 +114,8 @@ def test_points_come_as_csv_with_their_sigma(captured: tuple[TestClient, str]) -
     assert all(0 < float(row["sigma_z_mm"]) < 0.5 for row in rows)
 
 
-def test_a_field_comes_as_a_picture(captured: tuple[TestClient, str]) -> None:
-    client, capture_id = captured
+def test_a_field_comes_as_a_picture(kept: tuple[TestClient, str]) -> None:
+    client, capture_id = kept
     answer = client.get(f"{CAPTURES}/{capture_id}/fields/3.png")
     picture = cv2.imdecode(np.frombuffer(answer.content, np.uint8), cv2.IMREAD_UNCHANGED)
     assert picture is not None
@@ -123,8 +123,8 @@ def test_a_field_comes_as_a_picture(captured: tuple[TestClient, str]) -> None:
     assert set(np.unique(picture)) == {0, 255}
 
 
-def test_the_file_is_taken_home_whole(captured: tuple[TestClient, str], tmp_path: Path) -> None:
-    client, capture_id = captured
+def test_the_file_is_taken_home_whole(kept: tuple[TestClient, str], tmp_path: Path) -> None:
+    client, capture_id = kept
     file = tmp_path / "home.sqlite"
     file.write_bytes(client.get(f"{CAPTURES}/{capture_id}/file").content)
     connection = sqlite3.connect(file)
@@ -181,8 +181,8 @@ def test_what_is_not_there_is_a_problem_with_a_hint(idle: TestClient, path: str)
     assert answer.json()["hint"]
 
 
-def test_missing_fields_and_runs_are_problems_too(captured: tuple[TestClient, str]) -> None:
-    client, capture_id = captured
+def test_missing_fields_and_runs_are_problems_too(kept: tuple[TestClient, str]) -> None:
+    client, capture_id = kept
     assert client.get(f"{CAPTURES}/{capture_id}/fields/20.png").status_code == 404
     assert client.get(f"{CAPTURES}/{capture_id}/points.csv?run=9").status_code == 404
 

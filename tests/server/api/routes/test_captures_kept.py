@@ -60,8 +60,8 @@ def test_a_running_capture_can_be_spoken_of(paced: TestClient) -> None:
 
 
 @pytest.mark.parametrize("patch", [{"note": 3}, {"state": "sealed"}, {"labels": {"cow": 3}}, []])
-def test_what_cannot_be_meant_is_refused(captured: tuple[TestClient, str], patch: Any) -> None:
-    client, capture_id = captured
+def test_what_cannot_be_meant_is_refused(kept: tuple[TestClient, str], patch: Any) -> None:
+    client, capture_id = kept
     assert client.patch(f"{CAPTURES}/{capture_id}", json=patch).status_code == 422
 
 

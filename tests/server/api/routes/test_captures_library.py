@@ -60,15 +60,15 @@ def test_captures_are_found_counted_and_sorted(three: tuple[TestClient, list[str
     ],
 )
 def test_a_question_that_means_nothing_is_refused_with_a_hint(
-    captured: tuple[TestClient, str], query: dict[str, Any], hint: str
+    kept: tuple[TestClient, str], query: dict[str, Any], hint: str
 ) -> None:
-    answer = captured[0].get(CAPTURES, params=query)
+    answer = kept[0].get(CAPTURES, params=query)
     assert answer.status_code == 422
     assert hint in answer.json()["hint"]
 
 
-def test_a_capture_is_seen_at_a_glance(captured: tuple[TestClient, str]) -> None:
-    client, one = captured
+def test_a_capture_is_seen_at_a_glance(kept: tuple[TestClient, str]) -> None:
+    client, one = kept
     picture = client.get(f"{CAPTURES}/{one}/thumbnail.png")
     assert picture.content.startswith(b"\x89PNG")
     assert "immutable" in picture.headers["Cache-Control"]

@@ -2,6 +2,7 @@
 
 import csv
 import io
+import shutil
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -30,19 +31,37 @@ def add(folder: Path, day: int, device: str = "teatcup", **changes: Any) -> None
     )
 
 
-@pytest.fixture
-def archive(tmp_path: Path) -> Path:
-    folder = tmp_path / "captures"
+@pytest.fixture(scope="module")
+def kept(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Seven captures, of which nobody changes one."""
+    folder = tmp_path_factory.mktemp("kept") / "captures"
     folder.mkdir()
     for day in range(1, 8):
         add(folder, day, "left" if day % 2 else "right", note=f"day {day}", labels={"cow": str(100 + day)})
     return folder
 
 
-@pytest.fixture
-def client(archive: Path) -> Iterator[TestClient]:
-    with TestClient(create_app(service_in(archive.parent, pace="free")), "http://localhost") as client:
+def serving(folder: Path) -> Iterator[TestClient]:
+    with TestClient(create_app(service_in(folder.parent, pace="free")), "http://localhost") as client:
         yield client
+
+
+@pytest.fixture(scope="module")
+def client(kept: Path) -> Iterator[TestClient]:
+    """Of a daemon that is only asked."""
+    yield from serving(kept)
+
+
+@pytest.fixture
+def archive(kept: Path, tmp_path: Path) -> Path:
+    """Copies to be changed."""
+    return shutil.copytree(kept, tmp_path / "captures")
+
+
+@pytest.fixture
+def changing(archive: Path) -> Iterator[TestClient]:
+    """Of a daemon of its own."""
+    yield from serving(archive)
 
 
 def listed(client: TestClient, **query: Any) -> tuple[list[str], str | None]:
@@ -63,13 +82,13 @@ def test_a_page_that_ends_with_the_last_one_has_no_next(client: TestClient) -> N
     assert listed(client, limit=7)[1] is None
 
 
-def test_what_comes_or_goes_meanwhile_shifts_no_page(client: TestClient, archive: Path) -> None:
-    _, cursor = listed(client, limit=3)
+def test_what_comes_or_goes_meanwhile_shifts_no_page(changing: TestClient, archive: Path) -> None:
+    _, cursor = listed(changing, limit=3)
     add(archive, 20)
-    client.app.state.service.archive.index.add(archive / "c20.grab")  # type: ignore[attr-defined]
+    changing.app.state.service.archive.index.add(archive / "c20.grab")  # type: ignore[attr-defined]
     for gone in ("c07", "c05", "c04"):
-        assert client.delete(f"{CAPTURES}/{gone}").status_code == 204
-    assert listed(client, limit=3, cursor=cursor)[0] == ["c03", "c02", "c01"]
+        assert changing.delete(f"{CAPTURES}/{gone}").status_code == 204
+    assert listed(changing, limit=3, cursor=cursor)[0] == ["c03", "c02", "c01"]
 
 
 def test_captures_are_looked_for_by_device_time_and_text(client: TestClient) -> None:
@@ -81,11 +100,11 @@ def test_captures_are_looked_for_by_device_time_and_text(client: TestClient) -> 
     assert listed(client, device="left", search="day", limit=2)[0] == ["c07", "c05"]
 
 
-def test_what_was_said_later_is_what_is_looked_for(client: TestClient) -> None:
-    client.patch(f"{CAPTURES}/c03", json={"note": "slipped", "pinned": True})
-    assert listed(client, search="slip")[0] == ["c03"]
-    assert listed(client, search="day 3")[0] == []
-    assert listed(client, pinned=True)[0] == ["c03"]
+def test_what_was_said_later_is_what_is_looked_for(changing: TestClient) -> None:
+    changing.patch(f"{CAPTURES}/c03", json={"note": "slipped", "pinned": True})
+    assert listed(changing, search="slip")[0] == ["c03"]
+    assert listed(changing, search="day 3")[0] == []
+    assert listed(changing, pinned=True)[0] == ["c03"]
 
 
 @pytest.mark.parametrize("query", [{"limit": 0}, {"limit": 501}, {"cursor": "x"}, {"since": "yesterday"}])
@@ -105,14 +124,14 @@ def test_they_come_as_a_table_with_the_same_filters(client: TestClient) -> None:
     assert client.get(f"{CAPTURES}.csv", params={"limit": 10_001}).status_code == 422
 
 
-def test_jobs_come_in_pages(client: TestClient) -> None:
-    made = [client.post(f"{CAPTURES}/c0{day}/measure") for day in (1, 3, 5)]
+def test_jobs_come_in_pages(changing: TestClient) -> None:
+    made = [changing.post(f"{CAPTURES}/c0{day}/measure") for day in (1, 3, 5)]
     assert [answer.status_code for answer in made] == [404, 404, 404]  # no such device here
-    service = client.app.state.service  # type: ignore[attr-defined]
+    service = changing.app.state.service  # type: ignore[attr-defined]
     nothing = MeasurementJob(subject="nothing", made_with={})
     ids = [service.jobs.submit(nothing).id for _ in range(11)]
-    first = client.get("/api/v1/jobs", params={"limit": 8}).json()
-    second = client.get("/api/v1/jobs", params={"limit": 8, "cursor": first["next"]}).json()
+    first = changing.get("/api/v1/jobs", params={"limit": 8}).json()
+    second = changing.get("/api/v1/jobs", params={"limit": 8, "cursor": first["next"]}).json()
     assert [job["id"] for job in first["jobs"] + second["jobs"]] == ids[::-1]
     assert second["next"] is None
 

@@ -7,7 +7,7 @@ import pytest
 from fastapi.testclient import TestClient
 from running import wait_until_it_accepts
 
-from grabberd.archive.export.replay_stretches import Stretch, replay_pictures, replay_points
+from grabberd.archive.export.page_documents import Stretch, replay_pictures, replay_points
 from grabberd.server.api import create_app
 from server.api.conftest import sealed, service_in
 
@@ -21,8 +21,8 @@ def marked(client: TestClient, capture_id: str, marks: Any) -> Any:
     return answer.json()["marks"]
 
 
-def test_points_and_pictures_come_as_the_file_has_them(captured: tuple[TestClient, str]) -> None:
-    client, capture_id = captured
+def test_points_and_pictures_come_as_the_file_has_them(kept: tuple[TestClient, str]) -> None:
+    client, capture_id = kept
     path = client.app.state.service.archive.path(capture_id)  # type: ignore[attr-defined]
     points = client.get(f"{CAPTURES}/{capture_id}/replay/points?first_n=5&count=10&run=1")
     assert points.content == replay_points(path, 1, Stretch(5, 15))
@@ -38,8 +38,8 @@ def test_points_and_pictures_come_as_the_file_has_them(captured: tuple[TestClien
         *(("points?run=7", 404), ("pictures?count=51", 422), ("pictures?first_n=x", 422)),
     ],
 )
-def test_what_cannot_be_meant_is_a_problem(captured: tuple[TestClient, str], query: str, status: int) -> None:
-    client, capture_id = captured
+def test_what_cannot_be_meant_is_a_problem(kept: tuple[TestClient, str], query: str, status: int) -> None:
+    client, capture_id = kept
     answer = client.get(f"{CAPTURES}/{capture_id}/replay/{query}")
     assert (answer.status_code, bool(answer.json()["hint"])) == (status, True)
     assert client.get(f"{CAPTURES}/nosuch/replay/{query.split('?', maxsplit=1)[0]}").status_code == 404
@@ -77,13 +77,13 @@ def test_marks_outlive_the_daemon(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("marks", [{"x": "a"}, {"-1": "a"}, {"3": ""}, {"3": "a" * 201}, {"3": 4}, ["a"]])
-def test_a_mark_that_cannot_be_meant_is_refused(captured: tuple[TestClient, str], marks: Any) -> None:
-    client, capture_id = captured
+def test_a_mark_that_cannot_be_meant_is_refused(kept: tuple[TestClient, str], marks: Any) -> None:
+    client, capture_id = kept
     assert client.patch(f"{CAPTURES}/{capture_id}", json={"marks": marks}).status_code == 422
 
 
-def test_a_field_that_is_not_there_cannot_be_marked(captured: tuple[TestClient, str]) -> None:
-    client, capture_id = captured
+def test_a_field_that_is_not_there_cannot_be_marked(kept: tuple[TestClient, str]) -> None:
+    client, capture_id = kept
     refused = client.patch(f"{CAPTURES}/{capture_id}", json={"marks": {"20": "beyond"}})
     assert refused.status_code == 422
     assert "no field 20" in refused.json()["detail"]

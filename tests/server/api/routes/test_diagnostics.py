@@ -6,7 +6,7 @@ import zipfile
 from fastapi.testclient import TestClient
 
 from grabberd.documents.enums import Role
-from grabberd.server.api.guard.roles import least_roles
+from grabberd.server.api.guard.authentication import least_roles
 
 
 def test_they_are_for_administrators() -> None:

@@ -96,17 +96,19 @@ def test_while_the_index_is_rebuilt_clients_are_told_to_ask_again(
     def slow(*_: object) -> None:
         raise IndexRebuilding("3 of 12 have been read", "ask again", Cause.INDEX_REBUILDING)
 
-    service.archive.index.path.unlink()
     with monkeypatch.context() as patch:
-        patch.setattr(IndexKeeper, "heal", slow)
+        patch.setattr(IndexKeeper, "heal", slow)  # first, as the daemon itself notices what is gone
+        service.archive.index.path.unlink()
         answer = fast.get("/api/v1/captures")
         assert answer.status_code == 503
         assert answer.json()["type"].endswith("index-rebuilding")
     assert fast.get("/api/v1/captures").status_code == 200
 
 
-def test_faults_are_counted_for_prometheus(fast: TestClient, service: Service) -> None:
-    service.archive.index.path.write_bytes(b"garbage " * 2000)
+def test_faults_are_counted_for_prometheus(fast: TestClient, service: Service, tmp_path: Path) -> None:
+    garbage = tmp_path / "garbage"
+    garbage.write_bytes(b"garbage " * 2000)
+    garbage.replace(service.archive.index.path)  # at once: the daemon would also notice half of it
     fast.get("/api/v1/captures")
     lines = fast.get("/metrics").text.splitlines()
     assert "grabberd_index_rebuilds_total 1.0" in lines

@@ -64,13 +64,13 @@ def test_a_wrong_method_is_a_problem(fast: TestClient) -> None:
 def test_a_fault_of_the_program_is_a_problem_without_its_insides(
     fast: TestClient, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    service = fast.app.state.service  # type: ignore[attr-defined]
-    monkeypatch.setattr(service, "state", lambda: 1 / 0)
+    state = fast.app.state.snapshots.state  # type: ignore[attr-defined]
+    monkeypatch.setattr(state, "_make", lambda: 1 / 0)
     answer = fast.get("/api/v1/state")
     assert answer.status_code == 500
     assert answer.json()["detail"] == "ZeroDivisionError while responding"
 
 
-def test_the_api_describes_itself(fast: TestClient) -> None:
-    paths = fast.get("/api/v1/openapi.json").json()["paths"]
+def test_the_api_describes_itself(idle: TestClient) -> None:
+    paths = idle.get("/api/v1/openapi.json").json()["paths"]
     assert "/api/v1/captures/{capture_id}/stop" in paths

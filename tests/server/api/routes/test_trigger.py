@@ -8,7 +8,6 @@ from fastapi.testclient import TestClient
 
 from grabberd.archive.capture.reader import CaptureReader
 from grabberd.documents.requests import NewCapture
-from grabberd.server.api.routes.captures import request_of
 from server.api.conftest import sealed
 
 CAPTURES = "/api/v1/captures"
@@ -120,7 +119,7 @@ def test_a_length_in_seconds_is_as_many_fields_as_the_device_gives(
     armed: bool, rate_hz: float, fields: int
 ) -> None:
     asked = NewCapture(armed=armed, duration_s=0.3)
-    assert request_of(asked, rate_hz).fields == fields
+    assert asked.of_rate(rate_hz).fields == fields
 
 
 @pytest.mark.parametrize(

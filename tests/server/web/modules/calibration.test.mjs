@@ -1,7 +1,7 @@
 // What speaks for a calibration, from its report.
 import assert from "node:assert/strict";
 import { test } from "node:test";
-import { inFavour, sigma } from "../../../../src/grabberd/server/web/static/js/calibration/judge.js";
+import { inFavour, lengthsOf, scaleOf, sigma } from "../../../../src/grabberd/server/web/static/js/calibration/judge.js";
 
 /** A report that nothing speaks against, with the σ of a plane of the volume: null where a view does not reach. */
 function reportOf(sigma_mm) {
@@ -30,4 +30,21 @@ test("what speaks for a calibration is what was found and how fine it is, withou
 test("targets that were held out are said to be met where some were", () => {
   const validated = { ...reportOf([0.02]), validation: { rmse_mm: { xyz: 0.05 } } };
   assert.deepEqual(inFavour(validated).map(({ key }) => key), ["found", "fine", "met"]);
+});
+
+/** A view of two by two nodes, one of them outside of the calibration frame's volume and one not seen. */
+const VIEW = { inside: [[true, true], [false, true]] };
+
+test("σ of a point is that of its axes together, and none where one is not known", () => {
+  assert.deepEqual(lengthsOf({ x: [[3, 0]], y: [[4, null]], z: [[0, 1]] }), [[5, NaN]]);
+});
+
+test("colours go from the least σ to four times what is usual in the calibration frame's volume", () => {
+  const scale = scaleOf([VIEW], [[[1, 2], [100, NaN]]]);
+  assert.deepEqual([scale.low, scale.high], [1, 8]);
+  assert.equal(scaleOf([VIEW], [[[NaN, NaN], [NaN, NaN]]]), null);
+});
+
+test("where only what lies outside of the volume is seen, the colours are of that", () => {
+  assert.equal(scaleOf([VIEW], [[[NaN, NaN], [2, NaN]]]).low, 2);
 });

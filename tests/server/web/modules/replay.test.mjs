@@ -11,7 +11,7 @@ import { recordedVacuum, windowOf } from "../../../../src/grabberd/server/web/st
 import { createWebm, keyFrameOf } from "../../../../src/grabberd/server/web/static/js/replay/webm.js";
 import { facingOf, widthOf } from "../../../../src/grabberd/server/web/static/js/replay/widths.js";
 
-/** As `archive/export/replay_stretches.py` writes it: fields 100 and 102, with two targets and one. */
+/** As `archive/export/page_documents.py` writes it: fields 100 and 102, with two targets and one. */
 function pointMessage({ magic = "GRRP", version = 1 } = {}) {
   const buffer = new ArrayBuffer(32 + 2 * 16 + 3 * 40);
   const view = new DataView(buffer);

@@ -9,8 +9,8 @@ from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from grabberd.core.arrays import Array
 from grabberd.core.calibration.adjustment.network import Network, Unknowns
 from grabberd.core.calibration.adjustment.normal_equations import (
     Linear,
@@ -20,15 +20,23 @@ from grabberd.core.calibration.adjustment.normal_equations import (
     State,
     reduced,
 )
-from grabberd.core.geometry import View
+from grabberd.core.geometry import PARAMETERS, View
 from grabberd.errors import MeasurementError, RankDeficient
 
-Array = NDArray[np.float64]
-
 _HINT_START = "check the rig's nominal geometry, the calibration frame's file and which target is which"
+_HINT_POOR = (
+    "a start that is nearer helps: focal length and poses from `with_starting_values`, or from an adjustment "
+    "that holds the other parameters; if that does not help either, check which target is which"
+)
 _LEAST_DAMPING, _MOST_DAMPING = 1e-12, 1e12
 _EXACT = 1e-6
 """σ0² below which pictures count as free of error, and iterating gains nothing."""
+_ROUGHLY = 1e-3
+"""Relative change that ends the iteration without polynomials, which is only to be started from."""
+_PROGRESS = 0.01
+"""Share by which the sum of squares has to fall to be worth as many steps again; near the minimum, where it
+falls no more, the steps have to become shorter."""
+_POLYNOMIAL = PARAMETERS[9:]
 
 
 @dataclass(frozen=True, slots=True)
@@ -36,8 +44,11 @@ class AdjustmentSettings:
     """Criteria of convergence of an adjustment.
 
     Attributes:
-        settled: Relative change of the sum of squares by the next step below which it has converged.
-        most_steps: Number of steps after which it is given up.
+        settled: Relative change of the sum of squares by the next step below which it has converged: the step
+            is then that share of the unknowns' σ, squared and for each degree of freedom.
+        most_steps: Number of steps after which the start counts as poor. The polynomials b1…b9 are then held
+            until the other unknowns have converged; from there on it is given up only where so many steps
+            neither lower the sum of squares by a hundredth nor halve what the next one promises.
         damping: Initial Marquardt damping.
     """
 
@@ -63,6 +74,15 @@ class _Step(NamedTuple):
     promise: float
 
 
+class _Lower(NamedTuple):
+    """A state with a lower sum of squares, the network there, the next damping, and what was promised."""
+
+    state: State
+    linear: Linear
+    damping: float
+    promise: float
+
+
 def minimise(problem: Problem, settings: AdjustmentSettings) -> Minimum:
     """Iterate to the least-squares state.
 
@@ -70,35 +90,64 @@ def minimise(problem: Problem, settings: AdjustmentSettings) -> Minimum:
         MeasurementError: The start lies behind a camera, or the iteration does not converge.
         RankDeficient: No image point depends on one of the unknowns.
     """
-    state, damping = problem.start, settings.damping
-    linear = problem.at(state)
-    if not np.isfinite(linear.omega):
+    if not np.isfinite(problem.at(problem.start).omega):
         raise MeasurementError("the adjustment starts with targets behind a camera", _HINT_START)
-    for steps in range(settings.most_steps + 1):
+    found, unfinished = _descend(problem, problem.start, settings)
+    if unfinished:
+        start, before = _nearer_start(problem, found, settings)
+        found, unfinished = _descend(problem, start, settings, patient=True)
+        found = found._replace(steps=before + found.steps)
+    if unfinished:
+        sigma0 = (found.linear.omega / problem.freedom) ** 0.5
+        raise MeasurementError(
+            f"the adjustment has not converged after {found.steps} steps; "
+            f"sigma 0 is {sigma0:.3g}{unfinished}",
+            _HINT_POOR,
+        )
+    return found
+
+
+def _nearer_start(problem: Problem, found: Minimum, settings: AdjustmentSettings) -> tuple[State, int]:
+    """State to go on from after a descent that came to no end, and the steps taken until there."""
+    # From far away the polynomials take over what focal length and pose lack, and the way back leads along
+    # narrow valleys; while they are held, the others come near in a few steps.
+    names = [name for name in problem.unknowns.names if name.partition(".")[2][:2] in _POLYNOMIAL]
+    coarse = Problem(problem.network, problem.unknowns.without(names))
+    if not names or not len(coarse.unknowns):
+        return found.state, found.steps
+    near, lost = _descend(coarse, coarse.start, replace(settings, settled=_ROUGHLY))
+    return found.state if lost else near.state, found.steps + near.steps
+
+
+def _descend(
+    problem: Problem, state: State, settings: AdjustmentSettings, patient: bool = False
+) -> tuple[Minimum, str]:
+    """Iterate from a state; why it ended before the minimum, empty if it did not.
+
+    Args:
+        problem: The network and its unknowns.
+        state: The start, before all cameras.
+        settings: Criteria of convergence.
+        patient: True to go on beyond `most_steps` for as long as it pays.
+    """
+    damping, linear, steps = settings.damping, problem.at(state), 0
+    goal, deadline = (np.inf, np.inf), settings.most_steps
+    while True:
         normals = problem.normals(linear)
-        scale = _scale(problem, normals)
-        enough = settings.settled * max(linear.omega, _EXACT * problem.freedom)
-        while True:
-            step = _step(normals, scale, damping)
-            # Damped steps promise little anywhere along a narrow valley; only a free one tells the minimum.
-            if step.promise <= enough and _step(normals, scale, _LEAST_DAMPING).promise <= enough:
-                return Minimum(state, linear, normals, steps)
-            trial = problem.moved(state, step.unknowns, step.places)
-            there = problem.at(trial)
-            if there.omega < linear.omega:
-                break
-            # By little: pictures that are known far better than the frame make a valley that only lightly
-            # damped steps follow, and each return from a strong damping takes several.
-            damping *= 5
-            if damping > _MOST_DAMPING:
-                promise = _step(normals, scale, _LEAST_DAMPING).promise / linear.omega
-                stuck = f": no step lowers it, though the next promises {promise:.1e} of its square"
-                raise _no_convergence(steps, linear.omega, problem, stuck)
-        # Trust the linear model more, as is or less, by how much of its promise was kept.
-        kept = (linear.omega - there.omega) / step.promise
-        damping *= 0.1 if kept > 0.75 else 1.0 if kept > 0.25 else 3.0
-        state, linear, damping = trial, there, max(damping, _LEAST_DAMPING)
-    raise _no_convergence(settings.most_steps, linear.omega, problem)
+        here = Minimum(state, linear, normals, steps)
+        trial = _lower(problem, here, damping, settings.settled)
+        if trial is None:
+            return here, ""
+        if isinstance(trial, float):
+            return here, f": no step lowers it, though the next promises {trial:.1e} of its square"
+        if patient and (linear.omega <= goal[0] or trial.promise <= goal[1]):
+            goal = (1.0 - _PROGRESS) * linear.omega, 0.5 * trial.promise
+            deadline = steps + settings.most_steps
+        if steps >= deadline:
+            slow = f": the last {settings.most_steps} neither lowered its square by 1 % nor came nearer"
+            return here, slow
+        state, linear, damping = trial.state, trial.linear, trial.damping
+        steps += 1
 
 
 def _step(normals: Normals, scale: Array, damping: float) -> _Step:
@@ -126,11 +175,32 @@ def _scale(problem: Problem, normals: Normals) -> Array:
     return 1.0 / np.sqrt(diagonal)
 
 
-def _no_convergence(steps: int, omega: float, problem: Problem, stuck: str = "") -> MeasurementError:
-    sigma0 = (omega / problem.freedom) ** 0.5
-    return MeasurementError(
-        f"the adjustment has not converged after {steps} steps; sigma 0 is {sigma0:.3g}{stuck}", _HINT_START
-    )
+def _lower(problem: Problem, here: Minimum, damping: float, settled: float) -> _Lower | float | None:
+    """The step to a lower sum of squares.
+
+    None at the minimum; where no step lowers the sum, the share of it that the next one promises.
+    """
+    state, linear, normals, _ = here
+    scale = _scale(problem, normals)
+    enough = settled * max(linear.omega, _EXACT * problem.freedom)
+    while True:
+        step = _step(normals, scale, damping)
+        # Damped steps promise little anywhere along a narrow valley; only a free one tells the minimum.
+        if step.promise <= enough and _step(normals, scale, _LEAST_DAMPING).promise <= enough:
+            return None
+        trial = problem.moved(state, step.unknowns, step.places)
+        there = problem.at(trial)
+        if there.omega < linear.omega:
+            break
+        # By little: pictures that are known far better than the frame make a valley that only lightly
+        # damped steps follow, and each return from a strong damping takes several.
+        damping *= 5
+        if damping > _MOST_DAMPING:
+            return _step(normals, scale, _LEAST_DAMPING).promise / linear.omega
+    # Trust the linear model more, as is or less, by how much of its promise was kept.
+    kept = (linear.omega - there.omega) / step.promise
+    damping *= 0.1 if kept > 0.75 else 1.0 if kept > 0.25 else 3.0
+    return _Lower(trial, there, max(damping, _LEAST_DAMPING), step.promise)
 
 
 _MOST_INFLATION = 1e13

@@ -10,14 +10,12 @@ from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from grabberd.core.arrays import Array
 from grabberd.core.calibration.adjustment.adjustment import Adjustment
 from grabberd.core.calibration.adjustment.network import Network, Unknowns
 from grabberd.core.geometry import PARAMETERS, View, rotation_angles, rotation_derivatives, rotation_matrix
 from grabberd.errors import MeasurementError
-
-Array = NDArray[np.float64]
 
 POSE_PARAMETERS = ("omega_rad", "phi_rad", "kappa_rad", "x_mm", "y_mm", "z_mm")
 _SIX, _ANGLES, _CENTER = len(POSE_PARAMETERS), slice(3, 6), slice(6, 9)

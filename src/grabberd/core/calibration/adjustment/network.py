@@ -5,15 +5,15 @@ views' parameters that are free, held, shared between views or tied.
 """
 
 from collections.abc import Collection, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from grabberd.core.geometry import PARAMETERS, View
+from grabberd.core.arrays import Array, Indices, Mask
+from grabberd.core.geometry import PARAMETERS, Discs, Rig, View
 from grabberd.errors import InputError, MeasurementError
 
-Array = NDArray[np.float64]
 _HINT = "this is a bug in the caller: each target may occur once per view, and every σ must be above 0"
 
 
@@ -41,15 +41,15 @@ class Network:
     """
 
     views: tuple[View, ...]
-    view: NDArray[np.intp]
-    target: NDArray[np.intp]
+    view: Indices
+    target: Indices
     xy_px: Array
     sigma_px: Array
     target_mm: Array
     target_sigma_mm: Array
     ids: NDArray[np.int32] | None = None
     among_corrected: bool = False
-    camera: NDArray[np.intp] | None = None
+    camera: Indices | None = None
 
     def __post_init__(self) -> None:
         count, targets = len(self.view), len(self.target_mm)
@@ -81,22 +81,22 @@ class Network:
         """Id of a target by its index, as people know it."""
         return target if self.ids is None else int(self.ids[target])
 
-    def cameras(self, view: NDArray[np.intp] | int) -> NDArray[np.intp]:
+    def cameras(self, view: Indices | int) -> Indices:
         """Virtual cameras of views by their index, in the same shape."""
         return np.asarray(view) if self.camera is None else self.camera[view]
 
     @property
-    def sightings(self) -> NDArray[np.intp]:
+    def sightings(self) -> Indices:
         """(T,) number of views in which a target was seen."""
         return np.bincount(self.target, minlength=len(self.target_mm))
 
     @property
-    def undetermined(self) -> NDArray[np.bool_]:
+    def undetermined(self) -> Mask:
         """(T,) True for targets seen, but in too few views for the unknown part of their position."""
-        lacking: NDArray[np.bool_] = 2 * self.sightings < np.isinf(self.target_sigma_mm).sum(axis=1)
+        lacking: Mask = 2 * self.sightings < np.isinf(self.target_sigma_mm).sum(axis=1)
         return lacking & (self.sightings > 0)
 
-    def select(self, chosen: NDArray[np.bool_]) -> "Network":
+    def select(self, chosen: Mask) -> "Network":
         """Select image points (M,), keeping all targets and views."""
         return replace(
             self,
@@ -106,9 +106,49 @@ class Network:
             sigma_px=self.sigma_px[chosen],
         )
 
+    def of_targets(self, chosen: Indices) -> "Network":
+        """Select targets by their indices, ascending, of which all image points are, and number them anew."""
+        return replace(
+            self,
+            target=np.searchsorted(chosen, self.target),
+            target_mm=self.target_mm[chosen],
+            target_sigma_mm=self.target_sigma_mm[chosen],
+            ids=None if self.ids is None else self.ids[chosen],
+        )
+
+    def offsets_px(self, rig: Rig, xyz_mm: Array, slopes: Array) -> Array:
+        """(2, V, T) of the image points from the images of the targets' positions (T, 3): none.
+
+        Args:
+            rig: The views.
+            xyz_mm: The positions.
+            slopes: (2, V, 3, T) derivatives of the frame pixels by X, Y, Z there.
+        """
+        return np.zeros((2, len(rig.views), len(xyz_mm)))
+
     def starting_from(self, views: Sequence[View]) -> "Network":
         """Copy with other start values."""
         return replace(self, views=tuple(views))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class DiscNetwork(Network):
+    """Image points that are the middles of discs' pictures.
+
+    Attributes:
+        discs: The T targets.
+    """
+
+    discs: Discs = field(kw_only=True)
+
+    def of_targets(self, chosen: Indices) -> "Network":
+        """Select targets by their indices, ascending, of which all image points are, and number them anew."""
+        selected: Network = Network.of_targets(replace(self, discs=self.discs.select(chosen)), chosen)
+        return selected
+
+    def offsets_px(self, rig: Rig, xyz_mm: Array, slopes: Array) -> Array:
+        """(2, V, T) of the middles of the pictures from the images of the discs' centres (T, 3)."""
+        return self.discs.offsets_px(rig, xyz_mm, slopes)
 
 
 LENS = ("f_mm", "x0_px", "y0_px", "b3", "b4", "b5", "b6", "b7")
@@ -125,7 +165,7 @@ class Unknowns:
     """
 
     names: tuple[str, ...]
-    number: NDArray[np.intp]
+    number: Indices
 
     @classmethod
     def of(
@@ -218,9 +258,7 @@ def _check_names(views: Sequence[View], free: Collection[str], shared: Collectio
         )
 
 
-def matched(
-    projected_px: Array, observed_px: Array, gate_px: float
-) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+def matched(projected_px: Array, observed_px: Array, gate_px: float) -> tuple[Indices, Indices]:
     """Pair known points with the image points nearest to where they are expected.
 
     Args:
@@ -239,7 +277,7 @@ def matched(
     return known, nearest[known]
 
 
-def mutual_nearest(apart_px: Array, gate_px: float) -> NDArray[np.intp]:
+def mutual_nearest(apart_px: Array, gate_px: float) -> Indices:
     """(K,) column that is nearest to each row of distances (K, N), if that row is also nearest to it.
 
     −1 where it is not, or is farther than the gate.

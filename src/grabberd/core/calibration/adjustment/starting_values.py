@@ -4,6 +4,8 @@ Views that see enough known targets come first; the targets that they determine 
 ones. The interior orientation is taken as given, roughly. Three points have up to four poses in closed form:
 Grunert's solution in the form of R. M. Haralick et al., "Review and analysis of solutions of the three point
 perspective pose estimation problem", Int. J. Computer Vision 13 (1994) 331–356, equations (9) to (11).
+
+Transfer of a calibration to a glass plate inserted since.
 """
 
 from collections.abc import Iterator, Sequence
@@ -11,14 +13,23 @@ from dataclasses import dataclass, replace
 from itertools import combinations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from grabberd.core.arrays import Array, Mask
 from grabberd.core.calibration.adjustment.adjustment import Adjustment, adjust
 from grabberd.core.calibration.adjustment.network import Network, Unknowns
-from grabberd.core.geometry import PARAMETERS, Rig, View, correct_all, parameter_derivatives, project, rays
+from grabberd.core.geometry import (
+    PARAMETERS,
+    Calibration,
+    Plate,
+    Rig,
+    View,
+    correct_all,
+    parameter_derivatives,
+    project,
+    project_through,
+    rays,
+)
 from grabberd.errors import MeasurementError
-
-Array = NDArray[np.float64]
 
 _REAL = 1e-3
 """Imaginary part below which a root counts as real: double roots come out as pairs that are nearly real."""
@@ -231,7 +242,7 @@ def _refined(view: View, xyz_mm: Array, xy_px: Array) -> Adjustment:
     return adjust(network, Unknowns.of((view,), POSE))
 
 
-def _next(network: Network, known: NDArray[np.bool_], found: Sequence[int]) -> int:
+def _next(network: Network, known: Mask, found: Sequence[int]) -> int:
     """The view not yet found that sees the most known targets."""
     counts = np.bincount(network.view[known[network.target]], minlength=len(network.views))
     counts[list(found)] = -1
@@ -296,9 +307,40 @@ class _SightLines:
         self._across[target] += across
         self._toward[target] += across @ center
 
-    def meet(self) -> tuple[NDArray[np.bool_], Array]:
+    def meet(self) -> tuple[Mask, Array]:
         """Intersect them: (T,) True where rays of different directions meet, and (T, 3) nearest to all."""
         met = np.linalg.eigvalsh(self._across)[:, 0] > 1 - np.cos(_LEAST_ANGLE_RAD)
         places = np.zeros(self._toward.shape)
         places[met] = np.linalg.solve(self._across[met], self._toward[met][:, :, np.newaxis])[:, :, 0]
         return met, places
+
+
+def with_glass(calibration: Calibration, plate: Plate, places_mm: Array) -> Calibration:
+    """Adjust the views of a calibration to what the rig would see through a plate.
+
+    Equations (4)–(7) absorb the plate's effect to some thousandths of a pixel, so measuring needs no other
+    model. Covariance and local fields are kept, since they belong to the mirrors and the lens. The real
+    thickness and tilt of the plate are not verified; calibrating through it is better.
+
+    Args:
+        calibration: Calibration made without glass.
+        plate: Plate between the cameras and the object.
+        places_mm: (N, 3) positions that fill the measuring volume, in depth too; a hundred are enough.
+
+    Raises:
+        MeasurementError: The positions do not determine the views, as `adjust`.
+    """
+    views = calibration.views
+    pictures = np.concatenate([project_through(plate, view, places_mm) for view in views])
+    network = Network(
+        views=views,
+        view=np.repeat([0, 1], len(places_mm)),
+        target=np.tile(np.arange(len(places_mm)), 2),
+        xy_px=pictures,
+        sigma_px=np.ones_like(pictures),
+        target_mm=places_mm,
+        target_sigma_mm=np.zeros_like(places_mm),
+    )
+    left, right = adjust(network, Unknowns.of(views)).views
+    glass = {"thickness_mm": plate.thickness_mm, "refractive_index": plate.refractive_index}
+    return replace(calibration, left=left, right=right, glass=glass)

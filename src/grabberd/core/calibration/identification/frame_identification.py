@@ -1,31 +1,45 @@
 """Automatic identification of the calibration frame's targets among the blobs of both views (paper 3.6).
 
 The nominal rig is good to ten per cent, which on a periodic grid is a whole pitch, so every hypothesis is
-tried: every target at some blobs, the calibration frame rotated in any way, either handedness of either view.
-Each is judged by the view that it implies: depth differences of the targets reveal a wrong one. An ambiguous
-winner is refused, and so are two views that do not belong to one rig, close to the nominal one.
+tried: every target at some blobs, the calibration frame turned in any way, either handedness of either
+view, the views as configured and swapped. Each is judged by the view that it implies: depth differences of
+the targets reveal a wrong one. What two views of one rig say together decides; what it leaves open is
+refused, and so is a picture that contradicts the rig's configuration.
 """
 
-import math
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-from grabberd.core.calibration.identification.hypothesis import (
+from grabberd.core.arrays import Array, Indices
+from grabberd.core.calibration.calibration_frame import Symmetry, symmetries
+from grabberd.core.calibration.identification.decision import Stated, decided
+from grabberd.core.calibration.identification.hypothesis_growth import Half
+from grabberd.core.calibration.identification.rig_hypothesis import (
     Explainer,
     Hypothesis,
-    Outcome,
+    Orientation,
+    RelativeLimits,
+    RigHypothesis,
     contest,
-    settled,
+    cost_of,
+    least_misfit,
+    paired,
+    start_views,
 )
-from grabberd.core.calibration.identification.hypothesis_growth import Half
 from grabberd.core.geometry import NominalRig, View, project
 from grabberd.core.reconstruction import ObjectModel
 from grabberd.errors import AmbiguousView, MeasurementError
 
-Array = NDArray[np.float64]
+NAMES = ("left", "right")
+_SAME_SCALE = 1.35
+"""Ratio of seen to expected spacing that the nominal rig's ten per cent explain."""
+_UNITS = {"cm": 10.0, "inches": 25.4, "m": 1000.0, "µm": 0.001}
+_MANY = 0.5
+"""Blobs per target of the frame from which a view alone is seldom explained wrongly."""
+_MOST_SYMMETRIES = 8
+"""The most complete ones; shifts are tried in any case."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -33,15 +47,19 @@ class IdentificationSettings:
     """Criteria for accepting an identification.
 
     Attributes:
-        handedness: Of the left and the right view, +1 or −1; None finds it from the picture.
+        handedness: Of the left and the right view, +1 or −1, as their mirrors make it; None where it is not
+            known. A picture that contradicts it is refused.
         least_targets: Least number of identified targets that determines a view.
         least_share: Share of a view's blobs that the winner must explain.
         sigma_px: Total standard deviation of an image coordinate, including errors of the rough model.
         most_rms_px: Greatest RMS of the identified targets' residuals; more indicates another calibration
             frame.
-        margin: Least difference of −2 ln(likelihood) between runner-up and winner.
+        margin: Least difference of −2 ln(likelihood) between runner-up and winner, of both views together:
+            one target more that both views show where only the winner has one makes 36 at most.
         relative: Greatest relative deviation of base and distance from nominal.
         relative_deg: Greatest deviation of the views' relative orientation from nominal.
+        turn_deg: Turn of the calibration frame in the picture, one of the quarter turns, by a person who has
+            looked; None where nobody has.
     """
 
     handedness: tuple[int | None, int | None] = (None, None)
@@ -49,97 +67,10 @@ class IdentificationSettings:
     least_share: float = 0.8
     sigma_px: float = 0.5
     most_rms_px: float = 0.5
-    margin: float = 60.0
+    margin: float = 20.0
     relative: float = 0.3
     relative_deg: float = 20.0
-
-
-def check_pair(left: View, right: View, nominal: NominalRig, settings: IdentificationSettings) -> None:
-    """Check that the views are oriented relative to one another and to the calibration frame as nominal.
-
-    Raises:
-        MeasurementError: The views are rotated against one another, or base or distance differ; the message
-            has the values.
-    """
-    wanted = nominal.views((left.handedness, right.handedness))
-    base_mm, nominal_mm = _base(left, right), _base(*wanted)
-    turned_deg = max(
-        _angle_deg(base_mm, nominal_mm), _turn_deg(_relative(left, right) @ _relative(*wanted).T)
-    )
-    if turned_deg > settings.relative_deg:
-        raise MeasurementError(
-            f"the views are rotated against one another by {turned_deg:.0f} degrees from the nominal rig; "
-            f"up to {settings.relative_deg:g} are allowed",
-            handedness_hint((left.handedness, right.handedness), nominal.handedness)
-            or "check the rig's nominal geometry and that the file belongs to this calibration frame",
-        )
-    _check_length("base", _length(base_mm), _length(nominal_mm), settings.relative)
-    for found, stated in zip((left, right), wanted, strict=True):
-        _check_length(f"distance of the {found.name} view", _far(found), _far(stated), settings.relative)
-
-
-def handedness_hint(found: Sequence[int], stated: Sequence[int | None]) -> str | None:
-    """Hint for pictures that fit no rig, where the handedness betrays mirrored halves; None where not."""
-    names = ("left", "right")
-    wrong = [name for name, one, built in zip(names, found, stated, strict=True) if one == -1 and built != -1]
-    if len(wrong) == 2:
-        return (
-            "both views are seen mirrored: switch off the mirroring of camera or grabber; only an odd number "
-            "of mirrors before each view explains it, state it as handedness: -1 then"
-        )
-    if wrong:
-        return (
-            f"the {wrong[0]} view is seen mirrored and the other is not: one half of the picture is "
-            "mirrored, or its path has another number of mirrors than is configured"
-        )
-    return None
-
-
-def _check_length(what: str, found_mm: float, nominal_mm: float, allowed: float) -> None:
-    if abs(found_mm / nominal_mm - 1) > allowed:
-        raise MeasurementError(
-            f"the {what} comes out as {found_mm:.0f} mm, but the nominal rig has {nominal_mm:.0f} mm",
-            "check the rig's nominal geometry, the focal length too, and that the file belongs to this "
-            "calibration frame: another pitch has the same effect",
-        )
-
-
-def _base(left: View, right: View) -> Array:
-    """(3,) from the left centre to the right one, in the left camera's coordinates."""
-    return left.axes @ (right.center_mm - left.center_mm)
-
-
-def _relative(left: View, right: View) -> Array:
-    """(3, 3) from the left camera's coordinates into the right one's."""
-    return right.axes @ left.axes.T
-
-
-def _far(view: View) -> float:
-    """Distance of the object's origin."""
-    return _length(view.center_mm)
-
-
-def _length(vector: Array) -> float:
-    return float(np.linalg.norm(vector))
-
-
-def _turn_deg(rotation: Array) -> float:
-    return math.degrees(math.acos(max(-1.0, min(1.0, (float(np.trace(rotation)) - 1) / 2))))
-
-
-def _angle_deg(first: Array, second: Array) -> float:
-    cosine = float(first @ second) / (_length(first) * _length(second))
-    return math.degrees(math.acos(max(-1.0, min(1.0, cosine))))
-
-
-Indices = NDArray[np.intp]
-
-NAMES = ("left", "right")
-_SAME_SCALE = 1.35
-"""Ratio of seen to expected spacing that the nominal rig's ten per cent explain."""
-_SAME_TURN_DEG = 20.0
-_UNITS = {"cm": 10.0, "inches": 25.4, "m": 1000.0, "µm": 0.001}
-WAY_OUT = "or identify some targets by hand"
+    turn_deg: float | None = None
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -154,7 +85,8 @@ class ViewIdentification:
         runner_up_rms_px: That of the best contradicting hypothesis, over the blobs that it explains; NaN if
             there is none.
         runner_up_targets: Number of those blobs.
-        margin: Difference of its −2 ln(likelihood) to the winner's; infinite if there is none.
+        margin: Difference of −2 ln(likelihood), of both views, between winner and runner-up; infinite if
+            there is none.
         description: Description of the winning hypothesis, for people.
     """
 
@@ -175,10 +107,17 @@ class ViewIdentification:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Identification:
-    """Identification of both views, left then right."""
+    """Identification of both views, left then right.
+
+    Attributes:
+        orientation: How the left view shows the calibration frame.
+        by_statement: True if the picture left several ways, and only what a person has stated decides.
+    """
 
     left: ViewIdentification
     right: ViewIdentification
+    orientation: Orientation
+    by_statement: bool = False
 
     def __iter__(self) -> Iterator[ViewIdentification]:
         return iter((self.left, self.right))
@@ -208,79 +147,140 @@ def identify_frame(
         frame: The calibration frame; Z points toward the cameras, its rotation in the plane is free.
         left_px: (B, 2) frame pixels of the left view's blobs, targets and others, in any order.
         right_px: Likewise for the right view.
-        settings: Criteria of acceptance.
+        settings: Criteria of acceptance, and what is known of the picture.
 
     Raises:
-        MeasurementError: A view is dark or shows too few targets, no hypothesis or more than one explains it,
-            or the views contradict each other or the nominal rig; the message says which, with values.
+        AmbiguousView: The picture fits several hypotheses; the message has them, the hint says what decides.
+        MeasurementError: A view is dark or shows too few targets, no hypothesis explains it, or the views
+            contradict each other, the nominal rig or the settings; the message says which, with values.
     """
     settings = settings or IdentificationSettings()
-    for name, xy_px in zip(NAMES, (left_px, right_px), strict=True):
+    halves = halves_of(nominal, (left_px, right_px), settings)
+    alike = symmetries(frame)
+    rivals = [rivals_of_view(nominal, frame, half, alike, settings) for half in halves]
+    return identified(nominal, frame, halves, rivals, settings)
+
+
+def halves_of(
+    nominal: NominalRig, blobs_px: Sequence[Array], settings: IdentificationSettings
+) -> tuple[Half, Half]:
+    """Prepare the blobs of both views.
+
+    Raises:
+        MeasurementError: A view is dark, or shows too few.
+    """
+    for name, xy_px in zip(NAMES, blobs_px, strict=True):
         check_count(name, len(xy_px), "blobs", settings.least_targets)
-    try:
-        return _found(nominal, frame, (left_px, right_px), settings)
-    except AmbiguousView:
-        # Another rig would only make another of its hypotheses win.
-        raise
-    except MeasurementError as error:
-        # Tried only now, because it is another whole search.
-        other_way = _with_swapped_cameras(nominal, frame, (left_px, right_px), settings)
-        if other_way is not None:
-            raise _swapped(other_way, nominal) from None
-        if (hint := _scale_hint(nominal, frame, left_px)) is not None:
-            raise MeasurementError(error.message, hint) from error
-        raise
-
-
-def _found(
-    nominal: NominalRig, frame: ObjectModel, blobs_px: tuple[Array, Array], settings: IdentificationSettings
-) -> Identification:
     left, right = (
-        _identified(index, nominal, frame, xy_px, settings) for index, xy_px in enumerate(blobs_px)
+        Half.of(view, nominal.lines, xy_px) for view, xy_px in zip(nominal.views(), blobs_px, strict=True)
     )
-    check_pair(left.view, right.view, nominal, settings)
-    return Identification(left, right)
+    return left, right
 
 
-def _with_swapped_cameras(
-    nominal: NominalRig, frame: ObjectModel, blobs_px: tuple[Array, Array], settings: IdentificationSettings
-) -> Identification | None:
-    """The identification with the two cameras swapped; None if it fails, too."""
-    try:
-        return _found(replace(nominal, base_mm=-nominal.base_mm), frame, blobs_px, settings)
-    except MeasurementError:
-        return None
+def rivals_of_view(
+    nominal: NominalRig,
+    frame: ObjectModel,
+    half: Half,
+    alike: Sequence[Symmetry],
+    settings: IdentificationSettings,
+) -> list[Hypothesis]:
+    """Hypotheses that explain one view, whatever the picture may have suffered.
+
+    Raises:
+        MeasurementError: None explains enough of it.
+    """
+    explainer = Explainer(half, frame.xyz_mm, settings.sigma_px, alike[:_MOST_SYMMETRIES])
+    starts = start_views(nominal, NAMES.index(half.view.name))
+    rivals = contest(explainer, starts, settings.least_share)
+    _check_explained(half, min(rivals, key=cost_of), nominal, frame, settings)
+    return rivals
 
 
-def _swapped(found: Identification, nominal: NominalRig) -> MeasurementError:
-    """Refusal of swapped halves, or of a picture that is mirrored as a whole."""
-    if found.handedness == (-1, -1) and -1 not in nominal.handedness:
-        return MeasurementError(
-            "the picture is mirrored as a whole: the views are swapped, and each is seen mirrored",
-            "switch off the mirroring of camera or grabber; if an odd number of mirrors stands before each "
-            "view, swap the columns of the views in the rig's configuration instead",
+def identified(
+    nominal: NominalRig,
+    frame: ObjectModel,
+    halves: tuple[Half, Half],
+    rivals: Sequence[Sequence[Hypothesis]],
+    settings: IdentificationSettings,
+    marked: tuple[Mapping[int, int], Mapping[int, int]] = ({}, {}),
+) -> Identification:
+    """Decide between the hypotheses of both views.
+
+    Args:
+        nominal: The nominal rig.
+        frame: The calibration frame.
+        halves: The blobs of both views.
+        rivals: Hypotheses of either view.
+        settings: Criteria of acceptance, and what is known of the picture.
+        marked: Targets (index) of some blobs of either view, by a person who has looked.
+
+    Raises:
+        AmbiguousView: Several explain the picture.
+        MeasurementError: None does, or the best contradicts the rig or what is known.
+    """
+    limits = RelativeLimits(settings.relative, settings.relative_deg)
+    left, right = rivals
+    found = paired(left, right, nominal, limits)
+    if not found or not all(
+        _explains(side, half, settings) for side, half in zip(found[0], halves, strict=True)
+    ):
+        # Each view alone is explained well, but not by one rig.
+        for half, own in zip(halves, rivals, strict=True):
+            _check_clear(half, own, frame, settings)
+        raise _unlike_one_rig(
+            least_misfit(min(left, key=cost_of), min(right, key=cost_of), nominal, limits), halves, frame
         )
+    stated = Stated(settings.handedness, settings.turn_deg, marked, settings.margin)
+    winner, others, by_statement = decided(found, frame, halves[0].xy_px, stated)
+    for half, side in zip(halves, winner, strict=True):
+        _check_explained(half, side, nominal, frame, settings)
+    sides = [_side(winner, others, index, half, frame) for index, half in enumerate(halves)]
+    return Identification(sides[0], sides[1], winner.orientation(frame), by_statement)
+
+
+def _unlike_one_rig(misfit: MeasurementError, halves: Sequence[Half], frame: ObjectModel) -> MeasurementError:
+    """The misfit of both views, or what is likelier to be wrong: a view that shows little fits anything."""
+    few = [half for half in halves if len(half.xy_px) < _MANY * len(frame)]
+    if not few:
+        return misfit
+    shown = " and ".join(f"the {half.view.name} view shows {len(half.xy_px)} blobs" for half in few)
     return MeasurementError(
-        "the views are swapped: the left one sees the calibration frame from the right, the right one from "
-        "the left",
-        "swap the columns of the left and the right view in the rig's configuration",
+        f"{shown} of {len(frame)} targets, too few to tell which they are: {misfit.message}",
+        "let both views show the whole calibration frame; check light and threshold",
     )
 
 
-def _scale_hint(nominal: NominalRig, frame: ObjectModel, xy_px: Array) -> str | None:
-    """Hint for targets that lie much closer or wider than nominal rig and file let expect; None otherwise."""
-    view = nominal.views()[0]
-    if len(xy_px) < 2 or len(frame) < 2:
-        return None
-    wanted_px = Half.of(view, nominal.lines, project(view, frame.xyz_mm)).spacing_px
-    ratio = Half.of(view, nominal.lines, xy_px).spacing_px / wanted_px
-    if 1 / _SAME_SCALE < ratio < _SAME_SCALE:
-        return None
-    unit = next((name for name, mm in _UNITS.items() if 0.8 < ratio / mm < 1.25), None)
-    cause = f"is the file in {unit} instead of mm? " if unit else ""
+def _side(
+    both: RigHypothesis, others: Sequence[RigHypothesis], index: int, half: Half, frame: ObjectModel
+) -> ViewIdentification:
+    winner = both.sides[index]
+    rival = next((one for one in others if one.sides[index].is_rival_of(winner)), None)
+    other = None if rival is None else rival.sides[index]
+    return ViewIdentification(
+        view=winner.view,
+        target=winner.target,
+        residual_px=winner.residual_px,
+        rms_px=winner.rms_px,
+        runner_up_rms_px=np.nan if other is None else other.rms_px,
+        runner_up_targets=0 if other is None else other.found,
+        margin=np.inf if rival is None else rival.cost - both.cost,
+        description=described(winner, half, frame),
+    )
+
+
+def described(hypothesis: Hypothesis, half: Half, frame: ObjectModel) -> str:
+    """Describe a hypothesis of one view for people."""
+    known = np.flatnonzero(hypothesis.target >= 0)
+    if not len(known):
+        return "nothing explained"
+    away = np.linalg.norm(half.xy_px[known] - np.median(half.xy_px, axis=0), axis=1)
+    blob = known[away.argmin()]
+    x, y = half.xy_px[blob]
+    turn_deg = round(Orientation.of(hypothesis.view, frame.xyz_mm.mean(axis=0)).turn_deg) + 0
     return (
-        f"{cause}the targets lie {ratio:.2f} times as far apart in the picture as the file and the nominal "
-        "rig let expect: check the unit and pitch of the calibration frame's file, focal length and distance"
+        f"target {frame.target[hypothesis.target[blob]]} at ({x:.0f}, {y:.0f}) px, the calibration frame "
+        f"turned by {turn_deg} degrees, handedness {hypothesis.view.handedness:+d}: "
+        f"{len(known)} of {len(half.xy_px)} blobs explained to {hypothesis.rms_px:.2f} px"
     )
 
 
@@ -302,120 +302,55 @@ def check_count(name: str, count: int, what: str, least: int) -> None:
         )
 
 
-def _identified(
-    index: int, nominal: NominalRig, frame: ObjectModel, xy_px: Array, settings: IdentificationSettings
-) -> ViewIdentification:
-    half = Half.of(nominal.views()[index], nominal.lines, xy_px)
-    rivals = contest(Explainer(half, frame.xyz_mm, settings.sigma_px), settings.least_share)
-    _check_explained(half, settled(rivals).winner, frame, settings)
-    return identified(half, rivals, frame, settings, settings.handedness[index])
-
-
-def identified(
-    half: Half,
-    rivals: Sequence[Hypothesis],
-    frame: ObjectModel,
-    settings: IdentificationSettings,
-    handedness: int | None,
-) -> ViewIdentification:
-    """Accept the winner of a contest of hypotheses.
-
-    If a handedness is given, it is the only one allowed.
-
-    Raises:
-        AmbiguousView: Another hypothesis explains the view nearly as well as the winner.
-        MeasurementError: The winner is clearly not of the handedness allowed.
-    """
-    outcome = settled(rivals)
-    if handedness is not None:
-        _check_handedness(half, outcome, frame, settings, handedness)
-        outcome = settled(one for one in rivals if one.view.handedness == handedness)
-    _check_clear(half, outcome, frame, settings)
-    winner, other = outcome.winner, outcome.runner_up
-    return ViewIdentification(
-        view=winner.view,
-        target=winner.target,
-        residual_px=winner.residual_px,
-        rms_px=winner.rms_px,
-        runner_up_rms_px=np.nan if other is None else other.rms_px,
-        runner_up_targets=0 if other is None else other.found,
-        margin=outcome.margin,
-        description=described(winner, half, frame),
-    )
-
-
-def described(hypothesis: Hypothesis, half: Half, frame: ObjectModel) -> str:
-    """Describe a hypothesis for people."""
-    known = np.flatnonzero(hypothesis.target >= 0)
-    if not len(known):
-        return "nothing explained"
-    away = np.linalg.norm(half.xy_px[known] - np.median(half.xy_px, axis=0), axis=1)
-    blob = known[away.argmin()]
-    x, y = half.xy_px[blob]
-    turned_deg, handedness = round(hypothesis.turned_deg(half.view)), hypothesis.view.handedness
-    return (
-        f"target {frame.target[hypothesis.target[blob]]} at ({x:.0f}, {y:.0f}) px, the calibration frame "
-        f"turned by {turned_deg} degrees, handedness {handedness:+d}: "
-        f"{len(known)} of {len(half.xy_px)} blobs explained to {hypothesis.rms_px:.2f} px"
-    )
-
-
 def _check_explained(
-    half: Half, winner: Hypothesis, frame: ObjectModel, settings: IdentificationSettings
+    half: Half, best: Hypothesis, nominal: NominalRig, frame: ObjectModel, settings: IdentificationSettings
 ) -> None:
     name, count = half.view.name, len(half.xy_px)
-    if winner.found >= settings.least_share * count:
-        check_count(name, winner.found, "targets that can be identified", settings.least_targets)
-    if winner.found < settings.least_share * count or winner.rms_px > settings.most_rms_px:
-        explained = f"{winner.found} to {winner.rms_px:.2f} px" if winner.found else "none"
+    if best.found >= settings.least_share * count:
+        check_count(name, best.found, "targets that can be identified", settings.least_targets)
+    if not _explains(best, half, settings):
+        explained = f"{best.found} to {best.rms_px:.2f} px" if best.found else "none"
         raise MeasurementError(
             f"the {name} view does not show the calibration frame {frame.name}: of its {count} blobs the "
             f"best hypothesis explains {explained}, but "
             f"{settings.least_share:.0%} to {settings.most_rms_px:g} px are needed"
-            + (f" ({described(winner, half, frame)})" if winner.found else ""),
-            "check that the file belongs to this calibration frame, the rig's nominal geometry, and that "
+            + (f" ({described(best, half, frame)})" if best.found else ""),
+            _scale_hint(nominal, frame, half)
+            or "check that the file belongs to this calibration frame, the rig's nominal geometry, and that "
             "nothing else reflects",
         )
 
 
-def _check_handedness(
-    half: Half, outcome: Outcome, frame: ObjectModel, settings: IdentificationSettings, handedness: int
+def _check_clear(
+    half: Half, rivals: Sequence[Hypothesis], frame: ObjectModel, settings: IdentificationSettings
 ) -> None:
-    """Let the stated handedness decide an ambiguous picture, but never overrule a clear one."""
-    if outcome.winner.view.handedness == handedness or outcome.margin < settings.margin:
-        return
-    raise MeasurementError(
-        f"handedness {handedness:+d} is stated for the {half.view.name} view, but its picture says "
-        f"{outcome.winner.view.handedness:+d}: {described(outcome.winner, half, frame)}",
-        "count the mirrors of that view, an odd number makes -1; or let the handedness be found",
+    """Check that one view does not fit several hypotheses, of which the right one may be no rig's best."""
+    best = min(rivals, key=cost_of)
+    others = [one for one in rivals if one.is_rival_of(best) and one.cost - best.cost < settings.margin]
+    if others:
+        raise AmbiguousView(
+            f"the {half.view.name} view is ambiguous: {described(best, half, frame)}; or "
+            f"{described(min(others, key=cost_of), half, frame)}",
+            "let both views show the whole calibration frame, or mark some targets by hand",
+        )
+
+
+def _explains(one: Hypothesis, half: Half, settings: IdentificationSettings) -> bool:
+    enough = one.found >= settings.least_share * len(half.xy_px)
+    return enough and one.rms_px <= settings.most_rms_px
+
+
+def _scale_hint(nominal: NominalRig, frame: ObjectModel, half: Half) -> str | None:
+    """Hint for targets that lie much closer or wider than nominal rig and file let expect; None otherwise."""
+    if len(frame) < 2:
+        return None
+    wanted = Half.of(half.view, nominal.lines, project(half.view, frame.xyz_mm))
+    ratio = half.spacing_px / wanted.spacing_px
+    if 1 / _SAME_SCALE < ratio < _SAME_SCALE:
+        return None
+    unit = next((name for name, mm in _UNITS.items() if 0.8 < ratio / mm < 1.25), None)
+    cause = f"is the file in {unit} instead of mm? " if unit else ""
+    return (
+        f"{cause}the targets lie {ratio:.2f} times as far apart in the picture as the file and the nominal "
+        "rig let expect: check the unit and pitch of the calibration frame's file, focal length and distance"
     )
-
-
-def _check_clear(half: Half, outcome: Outcome, frame: ObjectModel, settings: IdentificationSettings) -> None:
-    """Check that nothing else explains a view nearly as well."""
-    if outcome.runner_up is None or outcome.margin >= settings.margin:
-        return
-    raise AmbiguousView(
-        f"the {half.view.name} view is ambiguous: {described(outcome.winner, half, frame)}; or "
-        f"{described(outcome.runner_up, half, frame)} (margin {outcome.margin:.0f}, {settings.margin:g} "
-        "needed)",
-        f"the part in view looks the same {_ambiguity(half, outcome, frame)}: let the whole calibration "
-        f"frame be seen, use one with more depth or with a unique mark, {WAY_OUT}",
-    )
-
-
-def _ambiguity(half: Half, outcome: Outcome, frame: ObjectModel) -> str:
-    """Name the motion that leads from the winner to the runner-up."""
-    winner, other = outcome.winner, outcome.runner_up
-    assert other is not None
-    if winner.view.handedness != other.view.handedness:
-        return "mirrored"
-    turned_deg = abs((winner.turned_deg(half.view) - other.turned_deg(half.view) + 180) % 360 - 180)
-    if turned_deg > _SAME_TURN_DEG:
-        return f"turned by {turned_deg:.0f} degrees"
-    both = (winner.target >= 0) & (other.target >= 0)
-    one, another = winner.target[both], other.target[both]
-    steps = [np.abs(grid[one] - grid[another]) for grid in (frame.row, frame.column)]
-    rows, columns = (int(np.median(step)) if len(step) else 0 for step in steps)
-    said = [f"{n} {name}{'s' if n > 1 else ''}" for n, name in ((rows, "row"), (columns, "column")) if n]
-    return f"shifted by {' and '.join(said)}" if said else "in another way"

@@ -6,27 +6,26 @@ from itertools import combinations
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
+from grabberd.core.arrays import Array
+from grabberd.core.calibration.calibration_frame import symmetries
 from grabberd.core.calibration.identification.frame_identification import (
     NAMES,
     Identification,
     IdentificationSettings,
-    ViewIdentification,
     check_count,
-    check_pair,
+    halves_of,
     identified,
+    rivals_of_view,
 )
-from grabberd.core.calibration.identification.hypothesis import HANDEDNESS, Explainer, Hypothesis, settled
 from grabberd.core.calibration.identification.hypothesis_growth import TURNS, Half, Poses, improved, pixels
+from grabberd.core.calibration.identification.rig_hypothesis import HANDEDNESS, Explainer, Hypothesis, cost_of
 from grabberd.core.geometry import NominalRig, View, project
 from grabberd.core.reconstruction import ObjectModel
 from grabberd.errors import InputError
 
-Array = NDArray[np.float64]
-
-LEAST_MARKS = 4
-"""Marks needed in each view, of targets that are not all on one line."""
+ENOUGH_MARKS = 4
+"""Marks of a view, of targets that are not all on one line, that determine it without any search."""
 _STEPS = 15
 _SUSPECTS = 6
 """Number of the worst marks among which a swapped pair is sought."""
@@ -50,57 +49,58 @@ def identify_by_hand(
     marks: Sequence[Mark],
     settings: IdentificationSettings | None = None,
 ) -> Identification:
-    """Identify the targets of a calibration frame from some that are marked by hand.
+    """Identify the targets of a calibration frame with the help of some that are marked by hand.
 
-    The blob nearest to a mark gets its target; the rest are predicted from the view that the marks determine.
+    The blob nearest to a mark gets its target. Four marks of a view determine it, and the rest are predicted
+    from it. Fewer decide between the hypotheses that the picture leaves open; one may be enough.
 
-    At least four marks are needed in each view; the other arguments are those of `identify_frame`.
+    The other arguments are those of `identify_frame`.
 
     Raises:
-        InputError: There are too few marks, an unknown target, one marked twice, no blob near a mark, or a
-            mark that contradicts the others.
+        InputError: There is an unknown target, one marked twice, no blob near a mark, or a mark that
+            contradicts the others.
         MeasurementError: As `identify_frame`.
     """
     settings = settings or IdentificationSettings()
-    sides = [
-        _by_marks(index, nominal, frame, xy_px, marks, settings)
-        for index, xy_px in enumerate((left_px, right_px))
+    halves = halves_of(nominal, (left_px, right_px), settings)
+    marked = [
+        _given(half, frame, [mark for mark in marks if mark.view == name])
+        for half, name in zip(halves, NAMES, strict=True)
     ]
-    check_pair(sides[0].view, sides[1].view, nominal, settings)
-    return Identification(*sides)
+    alike = symmetries(frame)
+    rivals = [
+        _by_marks(half, frame, given, settings)
+        if len(given) >= ENOUGH_MARKS
+        else rivals_of_view(nominal, frame, half, alike, settings)
+        for half, given in zip(halves, marked, strict=True)
+    ]
+    return identified(nominal, frame, halves, rivals, settings, (marked[0], marked[1]))
 
 
 def _by_marks(
-    index: int,
-    nominal: NominalRig,
-    frame: ObjectModel,
-    xy_px: Array,
-    marks: Sequence[Mark],
-    settings: IdentificationSettings,
-) -> ViewIdentification:
-    check_count(NAMES[index], len(xy_px), "blobs", settings.least_targets)
-    half = Half.of(nominal.views()[index], nominal.lines, xy_px)
-    given = _given(half, frame, [mark for mark in marks if mark.view == NAMES[index]])
-    explainer = Explainer(half, frame.xyz_mm, settings.sigma_px, given)
+    half: Half, frame: ObjectModel, given: Mapping[int, int], settings: IdentificationSettings
+) -> list[Hypothesis]:
+    """Hypotheses of either handedness that follow from the marks alone."""
+    explainer = Explainer(half, frame.xyz_mm, settings.sigma_px, given=given)
     rivals = _explained(explainer, frame)
-    winner = settled(rivals).winner
+    winner = min(rivals, key=cost_of)
     _check_marks(explainer, winner.view, frame, settings.least_share)
-    check_count(NAMES[index], winner.found, "targets that can be identified", settings.least_targets)
-    return identified(half, rivals, frame, settings, settings.handedness[index])
+    check_count(half.view.name, winner.found, "targets that can be identified", settings.least_targets)
+    return rivals
 
 
 def _given(half: Half, frame: ObjectModel, marks: Sequence[Mark]) -> dict[int, int]:
     """Marked targets (index) by blob."""
-    if len(marks) < LEAST_MARKS:
-        raise InputError(
-            f"{len(marks)} targets are marked in the {half.view.name} view, {LEAST_MARKS} are needed",
-            "mark more of them, far apart and not all in one row",
-        )
     given: dict[int, int] = {}
     for mark in marks:
         blob, target = _blob(half, mark), _target(frame, mark)
-        if blob in given or target in given.values():
+        if target in given.values():
             raise InputError(f"{_named(mark)} is marked twice", "remove one of the two marks")
+        if blob in given:
+            raise InputError(
+                f"{_named(mark)} is at the blob that is marked as target {frame.target[given[blob]]}",
+                "remove one of the two marks",
+            )
         given[blob] = target
     return given
 
@@ -189,7 +189,7 @@ def _swapped(
     given, pairs = explainer.given, []
     for first, second in combinations(suspects, 2):
         other_way = replace(explainer, given={**given, first: given[second], second: given[first]})
-        winner = settled(_explained(other_way, frame)).winner
+        winner = min(_explained(other_way, frame), key=cost_of)
         enough = winner.found >= least_share * len(explainer.half.xy_px)
         if enough and (_away(other_way, winner.view) <= 2 * explainer.gate_px).all():
             pairs.append((given[first], given[second]))

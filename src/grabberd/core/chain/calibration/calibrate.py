@@ -2,41 +2,29 @@
 
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
+from itertools import chain, repeat
 
 import numpy as np
-from numpy.typing import NDArray
 
-from grabberd.core.calibration import (
-    Adjustment,
-    Blunder,
+from grabberd.core.arrays import Mask
+from grabberd.core.calibration.adjustment.adjustment import Adjustment
+from grabberd.core.calibration.adjustment.frame_poses import PosedUnknowns, frame_poses, joined, of_first_pose
+from grabberd.core.calibration.adjustment.network import Network, Unknowns
+from grabberd.core.calibration.adjustment.normal_equations import check_depth, check_rank
+from grabberd.core.calibration.identification.decision import mirrored_hint
+from grabberd.core.calibration.identification.manual_identification import Mark
+from grabberd.core.calibration.local_field_trial import LocalFieldTrial, try_local_fields
+from grabberd.core.calibration.mean_images import stillness
+from grabberd.core.calibration.residuals import Blunder, normality, with_unmodelled, without_blunders
+from grabberd.core.calibration.significance import (
     Elimination,
-    IdentificationSettings,
-    LocalFieldTrial,
-    Mark,
-    Network,
-    PosedUnknowns,
-    Unknowns,
     Validation,
-    check_depth,
-    check_rank,
     compare,
     cross_validate,
     eliminate,
-    frame_poses,
-    handedness_hint,
-    joined,
-    normality,
-    of_first_pose,
-    stillness,
-    symmetries,
-    target_to_add,
-    try_local_fields,
-    undecided,
-    volume_sigma,
     with_stated_covariance,
-    with_unmodelled,
-    without_blunders,
 )
+from grabberd.core.calibration.validity import volume_sigma
 from grabberd.core.chain.calibration.calibration_result import CalibrateResult, CalibrateSettings
 from grabberd.core.chain.calibration.frame_capture import FrameCapture
 from grabberd.core.field import NumberedField
@@ -44,13 +32,14 @@ from grabberd.core.geometry import PARAMETERS, NominalRig, View
 from grabberd.core.reconstruction import ObjectModel
 from grabberd.errors import MeasurementError, RankDeficient
 
-Array = NDArray[np.float64]
-
 # f, x0, y0: a planar target field does not separate them from the camera's position.
 INTERIOR = PARAMETERS[:3]
 MOST_BLUNDERS = 0.1
 # An image point off by a pixel is a wrong identity or a wrong certificate, not an uneven mirror.
 MOST_UNMODELLED_PX = 1.0
+_DOUBT = 0.5
+"""Probability that distortion terms are not zero though no test finds them: even odds. Behind uneven mirrors
+it is 1, since unevenness has a part of every term's shape."""
 BLOCKS = 6
 """Blocks of targets that cross-validation holds out in turn."""
 
@@ -60,7 +49,7 @@ def calibrate(
     nominal: NominalRig,
     frame: ObjectModel,
     settings: CalibrateSettings | None = None,
-    by_hand: Sequence[Mark] | None = None,
+    by_hand: Sequence[Sequence[Mark]] = (),
 ) -> CalibrateResult:
     """Calibrate both virtual cameras from captures of the calibration frame, in one pose or several.
 
@@ -74,7 +63,7 @@ def calibrate(
         nominal: the rig as it was built, each number to ten per cent.
         frame: the calibration frame's targets.
         settings: settings of the calibration.
-        by_hand: identifications made by hand in the first capture, in place of automatic ones.
+        by_hand: targets marked by hand in each capture, in order; none where there are fewer.
 
     Raises:
         MeasurementError: no captures or fields, a calibration frame that moves, too few targets, a planar
@@ -82,8 +71,6 @@ def calibrate(
     """
     settings = settings or CalibrateSettings()
     _check_depth(frame, settings)
-    if by_hand is None:
-        _check_symmetry(frame, settings, IdentificationSettings().margin)
     taken = list(_taken(captures, nominal, frame, settings, by_hand))
     networks = [
         one.network.starting_from([*_held_as_built(one.network.views, nominal, settings)]) for one in taken
@@ -98,16 +85,19 @@ def _taken(
     nominal: NominalRig,
     frame: ObjectModel,
     settings: CalibrateSettings,
-    by_hand: Sequence[Mark] | None,
+    by_hand: Sequence[Sequence[Mark]],
 ) -> Iterator[FrameCapture]:
     number = 0
-    for number, fields in enumerate(captures, start=1):
+    marks = chain(by_hand, repeat(()))
+    for number, (fields, marked) in enumerate(zip(captures, marks, strict=False), start=1):
         try:
-            yield FrameCapture.of(fields, nominal, frame, settings, by_hand if number == 1 else None)
+            yield FrameCapture.of(fields, nominal, frame, settings, marked)
         except MeasurementError as error:
-            if number == 1:
-                raise
-            raise MeasurementError(f"capture {number}: {error.message}", error.hint) from error
+            if number > 1:
+                # In place, so that its class stays what callers look at.
+                error.args = (f"capture {number}: {error.message}",)
+                error.message = error.args[0]
+            raise
     if not number:
         raise MeasurementError("there is no capture to calibrate from", "name at least one")
 
@@ -143,29 +133,16 @@ def _result(
         differences=compare(adjustment),
         normality=normality(adjustment),
         validation=validation,
-        volume=volume_sigma(rig, pointing_px, local_fields=local.fields[:2] if local else ()),
+        volume=volume_sigma(rig, pointing_px, local_fields=local.both if local else ()),
         pointing_px=pointing_px,
         unvalidated=unvalidated,
         stillness=(still_left, still_right),
         repeated=first.repeated,
+        merging=first.merging,
         disc_share=first.disc_share(adjustment.views, frame),
         view_sigma_px=first.view_sigma_px,
         poses=frame_poses(final),
-    )
-
-
-def _check_symmetry(frame: ObjectModel, settings: CalibrateSettings, margin: float) -> None:
-    """Check that a view of the whole frame has one explanation only."""
-    alike = undecided(frame, margin, handed=settings.handedness is not None)
-    if not alike:
-        return
-    nearly = [one for one in symmetries(frame) if one.kind == "shift" and one.cost < 4 * margin]
-    said = dict.fromkeys(map(str, (*alike, *nearly[:2])))
-    x, y, z = target_to_add(frame, alike)
-    raise MeasurementError(
-        f"calibration frame {frame.name} cannot be told from itself: {'; '.join(said)}",
-        f"add a target at x {x:.1f}, y {y:.1f}, z {z:.1f} mm to the frame and to its file, or identify some "
-        "targets by hand",
+        marks=first.marks,
     )
 
 
@@ -206,7 +183,7 @@ def _explained(
         done = _adjusted(network, settings)
         return done, _local(done, nominal, settings)
     except MeasurementError as error:
-        hint = handedness_hint([view.handedness for view in network.views[:2]], nominal.handedness)
+        hint = mirrored_hint([view.handedness for view in network.views[:2]], nominal.handedness)
         if hint is None or isinstance(error, RankDeficient):
             raise
         raise MeasurementError(error.message, hint) from error
@@ -251,7 +228,7 @@ def _sound(network: Network, unknowns: Unknowns) -> tuple[Adjustment, tuple[Blun
         network = network.select(_kept(network, adjustment.network)).starting_from(adjustment.views)
 
 
-def _kept(network: Network, part: Network) -> NDArray[np.bool_]:
+def _kept(network: Network, part: Network) -> Mask:
     """(M,) True for image points of a network that are also in a part of it."""
     count = len(network.target_mm)
     return np.isin(network.view * count + network.target, part.view * count + part.target)
@@ -268,7 +245,7 @@ def _final(done: _Adjusted, local: LocalFieldTrial | None, settings: CalibrateSe
     """The calibration's own adjustment, with all that is not known of it."""
     adjustment = local.adjustment if local else done.adjustment
     unknowns = _unknowns(adjustment.views, settings)
-    return with_stated_covariance(adjustment, unknowns)
+    return with_stated_covariance(adjustment, unknowns, 1.0 if local and local.accepted else _DOUBT)
 
 
 def _validated(adjustment: Adjustment) -> tuple[Validation | None, str]:

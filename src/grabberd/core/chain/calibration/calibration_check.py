@@ -1,23 +1,27 @@
 """A check of the calibration: fields of the calibration frame against its certificate."""
 
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import StrEnum
 
 import numpy as np
-from numpy.typing import NDArray
 
-from grabberd.core.calibration import Identification, MeanImages, identify_frame
+from grabberd.core.arrays import Array, Indices
+from grabberd.core.calibration.identification.frame_identification import (
+    Identification,
+    IdentificationSettings,
+    identify_frame,
+)
+from grabberd.core.calibration.mean_images import MeanImages
 from grabberd.core.chain.calibration.frame_capture import locate
 from grabberd.core.field import NumberedField
 from grabberd.core.geometry import Calibration, NominalRig, Rig, project_all
 from grabberd.core.measurement import LocationSettings
-from grabberd.core.reconstruction import ImageNoise, ObjectModel, Points, ViewBlobs, intersect
+from grabberd.core.reconstruction import DiscCentres, ImageNoise, ObjectModel, Points, ViewBlobs, intersect
 from grabberd.core.reconstruction.accuracy import Axes, RigidMotion, rigid_motion
 from grabberd.core.reconstruction.drift_check import parallax
+from grabberd.core.reconstruction.object_model import FACING
 from grabberd.errors import MeasurementError
-
-Array = NDArray[np.float64]
 
 UNMODELLED_PX = 0.06
 """σ that uneven mirrors add to a mean image beyond any model."""
@@ -79,6 +83,7 @@ def check(
     location: LocationSettings | None = None,
     *,
     in_place: bool = False,
+    turn_deg: float | None = None,
 ) -> Check:
     """Measures the calibration frame, which stands still, and compares it with its certificate.
 
@@ -92,6 +97,8 @@ def check(
         location: settings for locating blobs.
         in_place: True if the calibration frame stands exactly where it stood during calibration; otherwise
             one rigid motion is free, and a camera that has moved as a whole goes undetected.
+        turn_deg: turn of the calibration frame in the picture, where it looks the same in several ways: that
+            of the calibration will do, since what looks the same also stands in the same places.
 
     Raises:
         MeasurementError: there are no fields, the calibration frame moves or cannot be identified, or too few
@@ -100,7 +107,9 @@ def check(
     located = locate(fields, nominal, frame, location or LocationSettings())
     images = located.images
     with located.sizes.told():
-        identified = identify_frame(nominal, frame, images[0].xy_px, images[1].xy_px)
+        left, right = calibration.views
+        known = IdentificationSettings((left.handedness, right.handedness), turn_deg=turn_deg)
+        identified = identify_frame(nominal, frame, images[0].xy_px, images[1].xy_px, known)
     points = _points(images, identified, calibration, frame)
     return _compared(points, frame, Rig.of(calibration), images[0].of_fields, in_place=in_place)
 
@@ -125,17 +134,23 @@ def _points(
     )
     rig = Rig.of(calibration)
     met = intersect(rig, both.astype(np.int32), left, right, ImageNoise.of(rig, frame, 0.0, 1))
-    return met.select(np.flatnonzero(np.isfinite(met.xyz_mm).all(axis=1)))
+    met = met.select(np.flatnonzero(np.isfinite(met.xyz_mm).all(axis=1)))
+    if not calibration.disc_centres:
+        return met
+    # The frame may stand turned from where it stood, and its discs face elsewhere with it.
+    turn = rigid_motion(met.xyz_mm, frame.xyz_mm[met.target]).rotation
+    x, y, z = (np.array(frame.normal or FACING) @ turn).tolist()
+    number = np.arange(len(frame), dtype=np.int32)
+    centres = DiscCentres(rig, replace(frame, target=number, normal=(x, y, z)))
+    return centres.corrected(met, frame.xyz_mm)
 
 
-def _places(target: NDArray[np.intp], wanted: NDArray[np.intp]) -> NDArray[np.intp]:
+def _places(target: Indices, wanted: Indices) -> Indices:
     order = np.argsort(target, kind="stable")
     return order[np.searchsorted(target[order], wanted)]
 
 
-def _view_blobs(
-    images: MeanImages, chosen: NDArray[np.intp], calibration: Calibration, view: int
-) -> ViewBlobs:
+def _view_blobs(images: MeanImages, chosen: Indices, calibration: Calibration, view: int) -> ViewBlobs:
     xy_px, local_field = images.xy_px[chosen], calibration.local_fields[view]
     corrected = xy_px if local_field is None else xy_px - local_field.at(xy_px)
     return ViewBlobs(corrected, np.hypot(images.sigma_px[chosen], UNMODELLED_PX))

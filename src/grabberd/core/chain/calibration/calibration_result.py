@@ -6,28 +6,22 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from grabberd.core.calibration import (
-    Adjustment,
-    Blunder,
-    Difference,
-    Elimination,
-    FramePose,
-    Identification,
-    LocalFieldTrial,
-    MeanImages,
-    Normality,
-    Stillness,
-    Validation,
-    VolumeSigma,
-)
+from grabberd.core.arrays import Array, Indices
+from grabberd.core.calibration.adjustment.adjustment import Adjustment
+from grabberd.core.calibration.adjustment.frame_poses import FramePose
+from grabberd.core.calibration.identification.frame_identification import Identification
+from grabberd.core.calibration.local_field_trial import LocalFieldTrial
+from grabberd.core.calibration.mean_images import MeanImages, Stillness
+from grabberd.core.calibration.residuals import Blunder, Normality
+from grabberd.core.calibration.significance import Difference, Elimination, Validation
+from grabberd.core.calibration.validity import VolumeSigma
 from grabberd.core.geometry import PARAMETERS, Calibration, LocalField, NominalRig, Rig, View, project_all
+from grabberd.core.geometry.calibration import image_model
 from grabberd.core.measurement import LocationSettings
+from grabberd.core.measurement.marks import MarkReference
 from grabberd.core.reconstruction import ImageNoise, ObjectModel, ViewBlobs, intersect
 from grabberd.errors import InputError, MeasurementError
-
-Array = NDArray[np.float64]
 
 _PROBE_PX = 0.1
 """σ of the images with which a new calibration is tried."""
@@ -47,7 +41,9 @@ class CalibrateSettings:
         tied: force b9 = b8.
         alpha: significance level of the parameter tests; None: keep every parameter.
         local_field: True to try local fields.
-        handedness: handedness of both views; None: determine it.
+        handedness: handedness of both views, as their mirrors make it; None: as the rig states, or else as
+            the picture shows it.
+        turn_deg: turn of the calibration frame in the picture, by a person who has looked; None: nobody has.
         location: settings for locating blobs.
     """
 
@@ -59,6 +55,7 @@ class CalibrateSettings:
     alpha: float | None = 0.05
     local_field: bool = True
     handedness: int | None = None
+    turn_deg: float | None = None
     location: LocationSettings = field(default_factory=LocationSettings)
 
 
@@ -87,9 +84,11 @@ class CalibrateResult:
         unvalidated: why there is no cross-validation; empty if there is one.
         stillness: movement of the picture during the capture, left then right.
         repeated: number of fields that repeat another, and are left out.
+        merging: indices of the targets whose discs each view shows running into another; they are left out.
         disc_share: median area of a target in each view, over that of its geometric image.
         view_sigma_px: median pointing σ of one field in each view.
         poses: poses of the calibration frame after the first, in the frame of the first.
+        marks: the marks as seen in the first pose's capture; None if there are none.
     """
 
     frame: ObjectModel
@@ -113,9 +112,11 @@ class CalibrateResult:
     unvalidated: str
     stillness: tuple[Stillness, Stillness]
     repeated: int
+    merging: tuple[Indices, Indices]
     disc_share: tuple[float, float]
     view_sigma_px: tuple[float, float]
     poses: tuple[FramePose, ...] = ()
+    marks: MarkReference | None = None
 
     @property
     def views(self) -> tuple[View, ...]:
@@ -166,7 +167,7 @@ class CalibrateResult:
             sigma0_px=self.adjustment.sigma0_px,
             glass=glass,
             local_fields=self.local_fields,
-            details=details,
+            details={**details, **image_model(self.local.both.correlation if self.local else (0.0, 0.0))},
         )
         return read_back(calibration, self.frame.xyz_mm)
 

@@ -6,18 +6,16 @@ from dataclasses import dataclass
 from enum import StrEnum
 
 import numpy as np
-from numpy.typing import NDArray
 
-from grabberd.core.calibration import IdentificationSettings, check_depth, undecided
+from grabberd.core.arrays import Array, Indices
+from grabberd.core.calibration.adjustment.normal_equations import check_depth
+from grabberd.core.calibration.calibration_frame import MOST_EXAMINED, targets_to_add, undecided
+from grabberd.core.calibration.identification.frame_identification import IdentificationSettings
 from grabberd.core.geometry import PARAMETERS
 from grabberd.core.reconstruction import ObjectModel
 from grabberd.errors import InputError, RankDeficient
 
-Array = NDArray[np.float64]
-
 MOST_TARGETS = 1000
-MOST_EXAMINED = 200
-"""Targets up to which symmetries are looked for: with 400 it takes a quarter of a minute."""
 _DIGITS = 4
 
 
@@ -84,7 +82,9 @@ def designed_grid(design: GridDesign) -> ObjectModel:
 
 
 def calibration_frame_remarks(model: ObjectModel) -> Iterator[str]:
-    """Yield why calibration will refuse a calibration frame: a plane, symmetries, too few targets."""
+    """Yield why calibration will refuse a calibration frame or ask about it: too few targets, a plane,
+    symmetries.
+    """
     criteria = IdentificationSettings()
     if len(model) < criteria.least_targets:
         yield f"it has {len(model)} targets, and calibration needs {criteria.least_targets} in each view"
@@ -96,12 +96,14 @@ def calibration_frame_remarks(model: ObjectModel) -> Iterator[str]:
         return
     if len(model) > MOST_EXAMINED:
         yield f"it has more than {MOST_EXAMINED} targets: whether it can be told from itself was not examined"
-    elif alike := undecided(model, criteria.margin, handed=False):
-        mirrors_alone = all(one.kind == "mirror" for one in alike)
+    elif alike := undecided(model, criteria.margin):
+        places = ", ".join(
+            "({:.1f}, {:.1f}, {:.1f})".format(*one) for one in targets_to_add(model, criteria.margin)
+        )
         yield (
-            f"it cannot be told from itself: {'; '.join(dict.fromkeys(map(str, alike)))}; give each target a "
-            "depth of its own, add targets that stand out"
-            + (", or state the handedness of both views" if mirrors_alone else "")
+            f"it cannot be told from itself: {'; '.join(dict.fromkeys(map(str, alike)))}; each calibration "
+            "will ask how it stands, unless each target has a depth of its own or there is a further one at "
+            f"{places} mm"
         )
 
 
@@ -125,7 +127,7 @@ def _check(design: GridDesign) -> None:
         raise InputError("; ".join(wrong), "12 rows and 9 columns at a pitch of 6.5 mm are the paper's")
 
 
-def _depths(design: GridDesign, row: NDArray[np.intp], column: NDArray[np.intp]) -> Array:
+def _depths(design: GridDesign, row: Indices, column: Indices) -> Array:
     """(N,) depths of the targets."""
     heights_mm = np.linspace(-design.depth_mm / 2, design.depth_mm / 2, design.depth_steps)
     rows = 1 if design.along is Along.COLUMNS else design.rows
@@ -134,7 +136,7 @@ def _depths(design: GridDesign, row: NDArray[np.intp], column: NDArray[np.intp])
     return heights_mm[np.broadcast_to(steps, (design.rows, design.columns))[row, column]]
 
 
-def _irregular_steps(rows: int, columns: int, steps: int) -> NDArray[np.intp]:
+def _irregular_steps(rows: int, columns: int, steps: int) -> Indices:
     """(rows, columns) steps, each about equally often, without a period; the same for the same numbers.
 
     Neighbours in a row differ by half of the depth at most: they are beside one another along the base, and

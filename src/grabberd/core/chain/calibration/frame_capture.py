@@ -2,32 +2,33 @@
 adjustment.
 """
 
+import math
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
-from grabberd.core.calibration import (
-    FieldImages,
+from grabberd.core.arrays import Array, Indices, Mask
+from grabberd.core.calibration.adjustment.network import DiscNetwork, Network
+from grabberd.core.calibration.identification.frame_identification import (
     Identification,
     IdentificationSettings,
-    Mark,
-    MeanImages,
-    Network,
-    identify_by_hand,
+    ViewIdentification,
     identify_frame,
-    mean_images,
 )
+from grabberd.core.calibration.identification.manual_identification import Mark, identify_by_hand
+from grabberd.core.calibration.mean_images import FieldImages, MeanImages, mean_images
 from grabberd.core.chain.calibration.calibration_result import CalibrateSettings
 from grabberd.core.chain.locating import OtherSizes, px_per_mm, sized, whole
 from grabberd.core.chain.repeats import RepeatJudge
 from grabberd.core.field import NumberedField, unpack
-from grabberd.core.geometry import NominalRig, View
+from grabberd.core.geometry import Discs, NominalRig, View, project
 from grabberd.core.measurement import LocationSettings, measure
+from grabberd.core.measurement.marks import Located, MarkReference
 from grabberd.core.reconstruction import ObjectModel
-from grabberd.errors import MeasurementError
+from grabberd.core.reconstruction.object_model import FACING
+from grabberd.errors import InputError, MeasurementError
 
 
 class LocatedFrame(NamedTuple):
@@ -37,11 +38,13 @@ class LocatedFrame(NamedTuple):
         views: Whole blobs of every field, of the left and of the right view.
         sizes: Of the last field, for a failure to be told with the sizes found.
         repeated: Number of fields that repeat another: they are left out, since they add nothing to a mean.
+        marks: Parity of each field, and its located marks, where there are any.
     """
 
     views: tuple[list[FieldImages], list[FieldImages]]
     sizes: OtherSizes
     repeated: int
+    marks: list[tuple[int, Located]]
 
     @property
     def images(self) -> tuple[MeanImages, MeanImages]:
@@ -66,21 +69,22 @@ def locate(
     scale, halves = px_per_mm(nominal), (nominal.left, nominal.right)
     location = sized(location, scale, frame.target_diameter_mm)
     packed, judge, repeated = None, RepeatJudge(of_any_parity=True), 0
+    marks: list[tuple[int, Located]] = []
     for numbered in fields:
         packed = numbered.packed
         if judge.take(unpack(packed)):
             repeated += 1
             continue
+        if packed.marks is not None:
+            marks.append((packed.parity, packed.marks))
         blobs = measure(packed, None, location)
         for view, half in zip(views, halves, strict=True):
             own = blobs.select(whole(blobs, *half))
-            view.append(FieldImages(own.xy_px, own.sigma_px, packed.parity, own.common_px, own.area_px))
+            images = own.xy_px, own.sigma_px, packed.parity, own.common_px, own.area_px
+            view.append(FieldImages(*images, packed.is_doubled))
     if packed is None:
         raise MeasurementError("the capture has no field to calibrate from", "take the capture again")
-    return LocatedFrame(views, OtherSizes(packed, halves, location, scale), repeated)
-
-
-Array = NDArray[np.float64]
+    return LocatedFrame(views, OtherSizes(packed, halves, location, scale), repeated, marks)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -94,7 +98,10 @@ class FrameCapture:
         images: Mean images of each view, left then right.
         identification: Their targets.
         network: The identified images of both views, to be adjusted.
+        merging: Indices of the targets that each view shows too near to another to tell the two apart; they
+            are left out of it.
         repeated: Number of fields that repeat another, and are left out.
+        marks: The marks as learnt from it; None if there are none.
     """
 
     seen: tuple[list[FieldImages], list[FieldImages]]
@@ -103,7 +110,9 @@ class FrameCapture:
     images: tuple[MeanImages, MeanImages]
     identification: Identification
     network: Network
+    merging: tuple[Indices, Indices]
     repeated: int
+    marks: MarkReference | None = None
 
     @classmethod
     def of(
@@ -112,7 +121,7 @@ class FrameCapture:
         nominal: NominalRig,
         frame: ObjectModel,
         settings: CalibrateSettings,
-        by_hand: Sequence[Mark] | None = None,
+        marked: Sequence[Mark] = (),
     ) -> "FrameCapture":
         """Locate, average and identify.
 
@@ -123,11 +132,21 @@ class FrameCapture:
         located = locate(fields, nominal, frame, settings.location)
         images, packed = located.images, located.sizes.packed
         with located.sizes.told():
-            identification = _identify(nominal, frame, images, settings, by_hand)
+            known = known_of(nominal, settings.handedness, settings.turn_deg)
+            sides = zip(images, located.views, strict=True)
+            joined_px = [mean.xy_px[_sizes(mean, fields) > _JOINED] for mean, fields in sides]
+            try:
+                identification = _identify(nominal, frame, images, known, marked)
+            except MeasurementError as error:
+                raise _overlapping(error, joined_px, nominal, frame) from error
+        left, right = identification
+        merging = _merging(left, joined_px[0], frame), _merging(right, joined_px[1], frame)
         network = network_of(images, identification, frame, settings)
-        return cls(
-            located.views, packed.bits, packed.y_step, images, identification, network, located.repeated
-        )
+        for index, targets in enumerate(merging):
+            apart = (network.view != index) | ~np.isin(network.target, targets)
+            network = network.select(apart)
+        about = packed.bits, packed.y_step, images, identification, network, merging, located.repeated
+        return cls(located.views, *about, MarkReference.learnt(located.marks))
 
     @property
     def pointing_px(self) -> tuple[float, float]:
@@ -156,14 +175,36 @@ def _identify(
     nominal: NominalRig,
     frame: ObjectModel,
     images: tuple[MeanImages, MeanImages],
-    settings: CalibrateSettings,
-    by_hand: Sequence[Mark] | None,
+    known: IdentificationSettings,
+    marked: Sequence[Mark],
 ) -> Identification:
-    believed = IdentificationSettings(handedness=(settings.handedness, settings.handedness))
     left, right = (side.xy_px for side in images)
-    if by_hand is None:
-        return identify_frame(nominal, frame, left, right, believed)
-    return identify_by_hand(nominal, frame, left, right, by_hand, believed)
+    if not marked:
+        return identify_frame(nominal, frame, left, right, known)
+    return identify_by_hand(nominal, frame, left, right, marked, known)
+
+
+def known_of(
+    nominal: NominalRig, handedness: int | None = None, turn_deg: float | None = None
+) -> IdentificationSettings:
+    """Collect what is known of a picture of the calibration frame.
+
+    Args:
+        nominal: The rig, which may state the handedness of its views.
+        handedness: Of both views, where the rig does not state it.
+        turn_deg: See `IdentificationSettings`.
+
+    Raises:
+        InputError: The rig states another handedness.
+    """
+    stated = [handedness if built is None else built for built in nominal.handedness]
+    if handedness is not None and stated != [handedness, handedness]:
+        raise InputError(
+            f"handedness {handedness:+d} is given, but the rig's configuration states "
+            f"{' and '.join(f'{one:+d}' for one in stated)} for the left and right view",
+            "leave it out: the rig's configuration counts the mirrors, and a mirrored picture adds none",
+        )
+    return IdentificationSettings(handedness=(stated[0], stated[1]), turn_deg=turn_deg)
 
 
 def network_of(
@@ -179,7 +220,7 @@ def network_of(
     if settings.equal_weights:
         sigma = np.full_like(sigma, np.sqrt(np.mean(sigma**2)))
     place_sigma = 0.0 if settings.held else frame.sigma_mm
-    return Network(
+    return DiscNetwork(
         views=identification.views,
         view=np.repeat([0, 1], [int(own.sum()) for own in known]),
         target=np.concatenate([target[own] for target, own in zip(targets, known, strict=True)]),
@@ -188,16 +229,83 @@ def network_of(
         target_mm=frame.xyz_mm,
         target_sigma_mm=np.full_like(frame.xyz_mm, place_sigma),
         ids=frame.target,
+        discs=Discs.parallel(len(frame), frame.target_diameter_mm, frame.normal or FACING),
     )
+
+
+_SPREAD_PX = 3.0
+"""Distance between the edges of two discs' images below which blur joins them, or pulls on their centres."""
+
+
+_JOINED = 1.4
+"""Size of a blob, over their median, from which it is two discs in one: a disc alone is up to 1.3 of it."""
+_SIZED_BY = 4
+"""Fields that the sizes are taken from."""
+
+
+def _sizes(images: MeanImages, fields: Sequence[FieldImages]) -> Array:
+    """(B,) areas of blobs over their median, by the first fields; 1 where no field knows them."""
+    if not len(images):  # a dark view
+        return np.ones(0)
+    areas = [
+        one.area_px[np.linalg.norm(images.xy_px[:, np.newaxis] - one.xy_px, axis=2).argmin(axis=1)]
+        for one in fields[:_SIZED_BY]
+        if one.area_px is not None and len(one.area_px)
+    ]
+    mean: Array = np.mean(areas or [np.ones(len(images))], axis=0)
+    return mean / np.median(mean)
+
+
+def _near(view: View, frame: ObjectModel, others_px: Array) -> Mask:
+    """(T, N) True where a place of others (N, 2) is so near to a target's disc that the two would join."""
+    reach_px = math.sqrt(4 / math.pi * _disc_area_px(view, frame)) + _SPREAD_PX
+    seen_px = project(view, frame.xyz_mm)
+    return np.asarray(np.linalg.norm(seen_px[:, np.newaxis] - others_px, axis=2) < reach_px)
+
+
+def _next_to(view: View, frame: ObjectModel) -> Mask:
+    """(T, T) True for targets whose discs the file lets run into each other."""
+    return _near(view, frame, project(view, frame.xyz_mm)) & ~np.eye(len(frame), dtype=bool)
+
+
+def _merging(side: ViewIdentification, joined_px: Array, frame: ObjectModel) -> Indices:
+    """Indices of the targets whose discs a view shows running into another: a blob for each, too near to the
+    other's, or one blob of the size of two. A wrong file brings together what the picture shows apart.
+    """
+    next_to = _next_to(side.view, frame)
+    seen = np.isin(np.arange(len(frame)), side.target)
+    apart = (next_to & seen).any(axis=1) & seen
+    joined = next_to.any(axis=1) & _near(side.view, frame, joined_px).any(axis=1)
+    return np.flatnonzero(apart | joined)
+
+
+_MANY, _SOME = 0.1, 0.03
+"""Share of the targets that would run into each other, and of the blobs that are as large as two discs, from
+which this is the likeliest reason of a failure.
+"""
+
+
+def _overlapping(
+    error: MeasurementError, joined_px: Sequence[Array], nominal: NominalRig, frame: ObjectModel
+) -> MeasurementError:
+    """The error, or a likelier reason: discs that run into each other, by the picture and the nominal rig."""
+    for view, joined in zip(nominal.views(), joined_px, strict=True):
+        count = int(_next_to(view, frame).any(axis=1).sum())
+        if count > _MANY * len(frame) and len(joined) > _SOME * len(frame):
+            return MeasurementError(
+                f"discs overlap: {len(joined)} blobs of the {view.name} view are as large as two, and as the "
+                f"rig is configured, {count} of {len(frame)} targets run into each other there; "
+                f"{error.message}",
+                "turn the calibration frame until both views show its discs apart, or use one with smaller "
+                "steps in depth",
+            )
+    return error
 
 
 def _disc_area_px(view: View, frame: ObjectModel) -> float:
     away_mm = float(np.linalg.norm(view.center_mm - frame.xyz_mm.mean(axis=0)))
     diameter_mm = frame.target_diameter_mm * view.f_mm / away_mm
     return float(np.pi / 4 * diameter_mm**2 / (view.pixel_x_mm * view.pixel_y_mm))
-
-
-Indices = NDArray[np.intp]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -213,7 +321,7 @@ class SeenFrame:
 
     images: tuple[MeanImages, MeanImages]
     identification: Identification | None
-    refusal: MeasurementError | None = None
+    refusal: MeasurementError | InputError | None = None
     moved: bool = False
 
     @property
@@ -231,6 +339,9 @@ def identify(
     nominal: NominalRig,
     frame: ObjectModel,
     location: LocationSettings | None = None,
+    *,
+    turn_deg: float | None = None,
+    marked: Sequence[Mark] = (),
 ) -> SeenFrame:
     """Finds the targets of a calibration frame; if it moves or is ambiguous, returns images and the reason.
 
@@ -239,6 +350,8 @@ def identify(
         nominal: the rig as built, each number to within ten per cent.
         frame: the calibration frame's targets.
         location: settings for locating blobs.
+        turn_deg: turn of the calibration frame in the picture, by a person who has looked; None: nobody has.
+        marked: targets marked by hand.
 
     Raises:
         MeasurementError: there are no fields.
@@ -251,6 +364,8 @@ def identify(
         return SeenFrame((left, right), None, refusal, moved=True)
     try:
         with located.sizes.told():
-            return SeenFrame(images, identify_frame(nominal, frame, images[0].xy_px, images[1].xy_px))
-    except MeasurementError as refusal:
+            return SeenFrame(
+                images, _identify(nominal, frame, images, known_of(nominal, None, turn_deg), marked)
+            )
+    except (MeasurementError, InputError) as refusal:
         return SeenFrame(images, None, refusal)

@@ -9,6 +9,7 @@ depend on how the rows fall on the blob.
 import numpy as np
 from numpy.typing import NDArray
 
+from grabberd.core.arrays import Array
 from grabberd.core.measurement.labelling import grey_centres
 from grabberd.core.measurement.locators.locator import (
     GREY,
@@ -52,7 +53,6 @@ LEAST_SIGNAL = 40.0
 """Weight of a chord, in units of the squared noise, below which it may be noise alone."""
 LEAST = np.float32(1e-6)
 
-Array = NDArray[np.float64]
 Single = NDArray[np.float32]
 
 

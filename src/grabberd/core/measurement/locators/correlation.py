@@ -5,6 +5,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from grabberd.core.arrays import Array, Indices
 from grabberd.core.measurement.locators.locator import (
     GREY,
     Located,
@@ -90,7 +91,7 @@ def _located(grey: Single, templates: _Templates) -> tuple[Single, Single]:
     return np.stack([x, y], axis=1), 1 / (contrast[:, np.newaxis] * np.sqrt(templates.slope2))
 
 
-def _templates(seen: Seen, windows: Windows, middle: NDArray[np.float64]) -> _Templates:
+def _templates(seen: Seen, windows: Windows, middle: Array) -> _Templates:
     x = (middle[0] + STEP_PX * np.arange(-ACROSS, ACROSS + 1)).astype(np.float32)
     y = (middle[1] + STEP_PX * np.arange(-2 * ACROSS, 2 * ACROSS + 1)).astype(np.float32)
     discs = np.zeros((8, len(y), len(x)), np.float32)
@@ -121,14 +122,14 @@ def _typical_half_axes(seen: Seen, windows: Windows) -> tuple[float, float]:
     return across, down
 
 
-def _greatest(product: Single) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+def _greatest(product: Single) -> tuple[Indices, Indices]:
     """(N,) row and column of each blob's greatest correlation, with room for the parabola's arms."""
     inner = product[:, PARABOLA:-PARABOLA, PARABOLA:-PARABOLA]
     row, column = np.unravel_index(inner.reshape(len(product), -1).argmax(axis=1), inner.shape[1:])
     return row + PARABOLA, column + PARABOLA
 
 
-def _vertex(values: Single, at: NDArray[np.intp]) -> Single:
+def _vertex(values: Single, at: Indices) -> Single:
     """(N,) vertex of a parabola through three of the values (N, T), in steps from `at`."""
     blob = np.arange(len(values))
     before, here, after = (values[blob, at + step] for step in (-PARABOLA, 0, PARABOLA))

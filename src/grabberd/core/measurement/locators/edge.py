@@ -3,8 +3,8 @@
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from grabberd.core.arrays import Array
 from grabberd.core.measurement.locators.locator import (
     GREY,
     Located,
@@ -23,8 +23,6 @@ EXCESS = np.array([0.7, 1.4])
 """Ratio of measured to predicted σ of x, y: neighbouring crossings are not independent."""
 BELIEF = 1e-3
 """Weight of a prior circle around the middle of the window, for edges with too few points."""
-
-Array = NDArray[np.float64]
 
 
 class _Edge(NamedTuple):

@@ -7,12 +7,10 @@ as a centroid of grey values: they are kept for comparison.
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from grabberd.core.arrays import Array
 from grabberd.core.measurement.locators.locator import Located, Seen, Windows, noise_of, windows_of
 from grabberd.core.measurement.noise import LEAST_NOISE, binary_sigma_px
-
-Array = NDArray[np.float64]
 
 VERNIER_CURVED = (0.02, 0.06)
 """Error in x, y of a straight line between two samples of a curved edge: frame pixels, measured."""

@@ -14,6 +14,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from grabberd.core.arrays import Mask
 from grabberd.core.field import BIT_DEPTHS, PackedField
 from grabberd.core.measurement.labelling import Runs, Shapes, binary_centres, greys_at
 from grabberd.core.measurement.noise import background_in
@@ -57,14 +58,19 @@ class Seen:
         return binary_centres(self.runs, self.label, len(self.shapes))
 
     @cached_property
-    def of_size(self) -> NDArray[np.bool_]:
+    def of_size(self) -> Mask:
         """(N,) bool, True for components neither too small nor too large for a target."""
         diameter = np.sqrt(4 / np.pi * self.area_px)
         least_px, most_px = self.settings.limits_px
         return (diameter >= least_px) & (diameter <= most_px)
 
     @cached_property
-    def low(self) -> NDArray[np.bool_]:
+    def whole(self) -> Mask:
+        """(N,) bool, True for those that are low and not cut off by the field's edge."""
+        return self.low & ~self.shapes.touch_border(self.packed.rows, self.packed.columns)
+
+    @cached_property
+    def low(self) -> Mask:
         """(N,) bool, True for those that are not too tall either: tall ones are costly and no targets."""
         height_px = (self.shapes.last_row - self.shapes.first_row + 1) * self.packed.y_step
         return self.of_size & (height_px <= TALLEST * self.settings.limits_px[1])
@@ -88,7 +94,7 @@ class Chords(NamedTuple):
     weight: NDArray[np.float64]
     share: NDArray[np.float64]
 
-    def trimmed(self, wanted: NDArray[np.bool_]) -> "Chords":
+    def trimmed(self, wanted: Mask) -> "Chords":
         """Keep as few lines as hold the wanted ones, (N, h) bool; only the tallest blobs lose some of
         theirs.
         """
@@ -112,11 +118,13 @@ class Located(NamedTuple):
         centres: (N, 2) float64, in the field's own columns and rows.
         sigma_px: (N, 2) float64, x and y, frame pixels.
         chords: Chords for estimating the shifts of lines, from locators that have them.
+        discs: (N,) bool, components that a locator of 1 bit takes for targets; None if all whole ones are.
     """
 
     centres: NDArray[np.float64]
     sigma_px: NDArray[np.float64]
     chords: Chords | None = None
+    discs: Mask | None = None
 
 
 Locator = Callable[[Seen], Located]
@@ -147,6 +155,9 @@ BEYOND_PX = (1.2, 3.9)
 for a threshold at their full height, since a high threshold leaves more of them out."""
 LARGEST_SHARE = 0.5
 ALL_BUT_THE_LARGEST = 0.9
+MOST_SPOTS = 4096
+"""Components beyond which a field shows noise, and nothing to keep apart."""
+_FAR = 1 << 30
 
 Array = NDArray[np.float32]
 
@@ -217,7 +228,52 @@ def windows_of(seen: Seen) -> Windows:
     grey = _gathered(packed, line, lines, column, columns)
     half = lines * columns // 2
     background = np.partition(grey.reshape(len(grey), lines * columns), half, axis=1)[:, half]
+    rows = (line[:, np.newaxis] + np.arange(lines)) * (apart // packed.y_step) + packed.first_delivered
+    is_own = _own_pixels(seen, rows, column[:, np.newaxis] + np.arange(columns), blob)
+    # The light of another blob would draw the disc there.
+    grey = np.where(is_own, grey, background[:, np.newaxis, np.newaxis])
     return Windows(blob, grey, background, line, column, middle, apart)
+
+
+def _own_pixels(
+    seen: Seen, rows: NDArray[np.int64], columns: NDArray[np.int64], blob: NDArray[np.int64]
+) -> Mask:
+    """(N, h, w) True for pixels of windows, given by rows (N, h) and columns (N, w), that no other component
+    is nearer to.
+    """
+    packed = seen.packed
+    low, high = _shared(seen, rows.shape[1] * packed.lines_apart // packed.y_step, columns.shape[1])
+    across, down = (
+        (place >= low[axis, blob, np.newaxis]) & (place <= high[axis, blob, np.newaxis])
+        for axis, place in enumerate((columns, rows))
+    )
+    return down[:, :, np.newaxis] & across[:, np.newaxis]
+
+
+def _shared(seen: Seen, rows: int, columns: int) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """(2, C) first and last column, and row, of the pixels that belong to each component.
+
+    Two of them share the pixels between them by the middle of the wider gap: that between columns, or rows.
+    """
+    shapes = seen.shapes
+    count = len(shapes) if len(shapes) <= MOST_SPOTS else 0
+    first = np.stack([shapes.first_column, shapes.first_row])
+    last = np.stack([shapes.last_column, shapes.last_row])
+    low, high = np.full(first.shape, -1), np.full(first.shape, _FAR)
+    step, reach = np.array([[1], [seen.packed.y_step]]), np.array([[columns], [rows]])
+    for ahead in range(1, count):
+        one, other = slice(None, -ahead), slice(ahead, None)
+        if not (first[1, other] <= last[1, one] + reach[1]).any():
+            break
+        behind, before = first[:, other] - last[:, one], first[:, one] - last[:, other]
+        gap = step * np.maximum(behind, before)
+        is_near = ((behind <= reach) & (before <= reach)).all(axis=0) & (gap > 0).any(axis=0)
+        by = is_near & np.stack([gap[0] >= gap[1], gap[0] < gap[1]])
+        for gap_there, this, that in ((behind, one, other), (before, other, one)):
+            at = by & (gap_there > 0)
+            high[:, this][at] = np.minimum(high[:, this], (last[:, this] + first[:, that]) // 2)[at]
+            low[:, that][at] = np.maximum(low[:, that], (last[:, this] + first[:, that] + 1) // 2)[at]
+    return low, high
 
 
 def lines_of(packed: PackedField) -> int:

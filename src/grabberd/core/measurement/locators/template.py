@@ -12,6 +12,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from grabberd.core.arrays import Array
 from grabberd.core.measurement.locators.centroid import moments, weights_of
 from grabberd.core.measurement.locators.locator import (
     GREY,
@@ -32,7 +33,6 @@ PER_SIGMA = 512
 REACH = 5.0
 """σ either side of the edge that the table covers."""
 
-Array = NDArray[np.float64]
 Single = NDArray[np.float32]
 
 

@@ -7,15 +7,13 @@ another where neighbouring targets move alike.
 from dataclasses import dataclass, field, fields
 
 import numpy as np
-from numpy.typing import NDArray
 
+from grabberd.core.arrays import Array, Indices, Mask
 from grabberd.core.geometry import Rig, approach, rays
 from grabberd.core.kernel import KERNEL, Kernel
 from grabberd.core.reconstruction.correspondence.displacement_field import Expected, Smoothness, field_of
-from grabberd.core.reconstruction.intersection import intersect
 from grabberd.core.reconstruction.object_model import ObjectModel
-from grabberd.core.reconstruction.points import Points
-from grabberd.core.reconstruction.view_blobs import ImageNoise, ViewBlobs
+from grabberd.core.reconstruction.points import ImageNoise, Points, ViewBlobs, intersect
 
 
 @dataclass(frozen=True, slots=True)
@@ -45,10 +43,6 @@ class CorrespondenceSettings:
     following: Smoothness = field(default_factory=lambda: Smoothness(sigma_mm=5.0, reach_mm=25.0))
 
 
-Array = NDArray[np.float64]
-Indices = NDArray[np.intp]
-
-
 @dataclass(frozen=True, slots=True, eq=False)
 class Hypotheses:
     """H hypotheses, by ascending target: a left and a right blob are the images of a target.
@@ -70,7 +64,7 @@ class Hypotheses:
     def __len__(self) -> int:
         return len(self.target)
 
-    def select(self, chosen: NDArray[np.bool_] | Indices) -> "Hypotheses":
+    def select(self, chosen: Mask | Indices) -> "Hypotheses":
         """Select hypotheses by a mask or index array."""
         return Hypotheses(*(getattr(self, one.name)[chosen] for one in fields(self)))
 
@@ -129,7 +123,6 @@ def _pairs(rig: Rig, left: ViewBlobs, right: ViewBlobs, gate_mm: float) -> tuple
     return in_left, in_right
 
 
-Mask = NDArray[np.bool_]
 _MOST_STARTS = 3
 _LEAST_SUPPORT = 3
 """Neighbours that must agree with a hypothesis for growth to start from it."""

@@ -11,8 +11,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from grabberd.core.arrays import Array, Indices, Mask
 from grabberd.core.geometry import Rig, linearise
 from grabberd.core.kernel import KERNEL, Kernel
 from grabberd.core.reconstruction.correspondence.agreement import (
@@ -24,17 +24,21 @@ from grabberd.core.reconstruction.correspondence.agreement import (
     line_mm,
     meeting_share,
 )
-from grabberd.core.reconstruction.correspondence.compiled_identification import Identification
-from grabberd.core.reconstruction.correspondence.compiled_search import Nearby, takes
+from grabberd.core.reconstruction.correspondence.compiled_search import Identification, Nearby, takes
 from grabberd.core.reconstruction.correspondence.displacement_field import DisplacementField, Expected
-from grabberd.core.reconstruction.intersection import intersect
+from grabberd.core.reconstruction.correspondence.facing import Facing
 from grabberd.core.reconstruction.object_model import ObjectModel
-from grabberd.core.reconstruction.points import Miss, Points, SingleViewImages
-from grabberd.core.reconstruction.view_blobs import ImageNoise, ViewBlobs
+from grabberd.core.reconstruction.points import (
+    ImageNoise,
+    Miss,
+    Points,
+    SingleViewImages,
+    ViewBlobs,
+    intersect,
+)
 
-Array = NDArray[np.float64]
-Indices = NDArray[np.intp]
-
+NO_BLOB_NEAR, BLOB_TAKEN = -1, -2
+"""In place of a blob: none is near, or the nearest serves another target."""
 FEW_PAIRS = 1 << 15
 """Number of target–blob pairs up to which comparing all is faster than finding those near each other."""
 
@@ -46,14 +50,22 @@ class Prediction:
     Attributes:
         image_px: (2, V, M) predicted images, frame pixels x and y; infinite behind a camera.
         reach_px: (2, V, M) greatest distance from there at which they may appear.
+        unseen: (V, M) of `Facing.unseen`; None where every view may show them all.
     """
 
     image_px: Array
     reach_px: Array
+    unseen: Indices | None = None
 
     @classmethod
     def of(
-        cls, rig: Rig, places_mm: Array, sigma_mm: Array, sigma_px: Array | float, gate: float
+        cls,
+        rig: Rig,
+        places_mm: Array,
+        sigma_mm: Array,
+        sigma_px: Array | float,
+        gate: float,
+        facing: Facing | None = None,
     ) -> "Prediction":
         """Predict images from positions and their uncertainty.
 
@@ -63,14 +75,30 @@ class Prediction:
             sigma_mm: (M,) their standard deviation in each coordinate.
             sigma_px: Standard deviation of a blob's image; broadcasts against (2, V, M).
             gate: Greatest deviation of a target, in standard deviations.
+            facing: Tells which targets a view cannot show; None if there is nothing to tell it by.
         """
         image, slopes = linearise(rig, places_mm)
         reach = gate * np.hypot(np.sqrt((slopes * slopes).sum(axis=2)) * sigma_mm, sigma_px)
         before = np.isfinite(image)
-        return cls(np.where(before, image, np.inf), np.where(before, reach, 1.0))
+        unseen = None if facing is None else facing.unseen(places_mm, image)
+        return cls(np.where(before, image, np.inf), np.where(before, reach, 1.0), unseen)
+
+    def select(self, chosen: Indices) -> "Prediction":
+        """Select targets by indices."""
+        unseen = None if self.unseen is None else self.unseen[:, chosen]
+        return Prediction(self.image_px[:, :, chosen], self.reach_px[:, :, chosen], unseen)
+
+    def misses(self, of_left: Indices, of_right: Indices) -> Indices:
+        """(M,) `Miss` of each target by its blobs in both views, as `nearest` gives them."""
+        misses = (of_left < 0) * int(Miss.NO_BLOB_LEFT) + (of_right < 0) * int(Miss.NO_BLOB_RIGHT)
+        misses[np.minimum(of_left, of_right) == BLOB_TAKEN] = Miss.TAKEN
+        if self.unseen is None:
+            return misses
+        unseen = self.unseen.max(axis=0)
+        return np.where((unseen > Miss.CROWDED) | (misses == Miss.FOUND), unseen, misses)
 
     def nearest(self, view: int, xy_px: Array) -> Indices:
-        """Assign a blob to each target: (M,) indices, −1 for none.
+        """Assign a blob to each target: (M,) indices, −1 for none, −2 where the nearest serves another.
 
         A blob is assigned to a target if it lies within reach of the predicted image and each is the other's
         nearest, measured in units of the reach.
@@ -80,8 +108,11 @@ class Prediction:
             xy_px: (N, 2) blobs of that view.
         """
         image, reach = self.image_px[:, view], self.reach_px[:, view]
+        if self.unseen is not None:
+            # Merged ones, too, keep others from their blobs.
+            image = np.where(np.isin(self.unseen[view], (Miss.TURNED_AWAY, Miss.HIDDEN)), np.inf, image)
         if not (len(xy_px) and image.shape[1]):
-            return np.full(image.shape[1], -1)
+            return np.full(image.shape[1], NO_BLOB_NEAR)
         return (_of_all if image.shape[1] * len(xy_px) <= FEW_PAIRS else _of_those_beside)(
             image, reach, xy_px.T
         )
@@ -95,8 +126,8 @@ def _of_all(image: Array, reach: Array, blobs: Array) -> Indices:
     away = off[0] + off[1]
     targets = np.arange(image.shape[1])
     blob = away.argmin(axis=1)
-    own = (away[targets, blob] <= 1.0) & (away.argmin(axis=0)[blob] == targets)
-    return np.where(own, blob, -1)
+    within, own = away[targets, blob] <= 1.0, away.argmin(axis=0)[blob] == targets
+    return np.where(within & own, blob, np.where(within, BLOB_TAKEN, NO_BLOB_NEAR))
 
 
 def _of_those_beside(image: Array, reach: Array, blobs: Array) -> Indices:
@@ -108,7 +139,8 @@ def _of_those_beside(image: Array, reach: Array, blobs: Array) -> Indices:
     target, blob, away = target[within], blob[within], away[within]
     both = _least(away, target, blob), _least(away, blob, target)
     mutual = np.intersect1d(*both, assume_unique=True)
-    assigned = np.full(image.shape[1], -1)
+    assigned = np.full(image.shape[1], NO_BLOB_NEAR)
+    assigned[target] = BLOB_TAKEN
     assigned[target[mutual]] = blob[mutual]
     return assigned
 
@@ -182,6 +214,7 @@ class Correspondence:
         self.settings = settings or CorrespondenceSettings()
         self.agreement = Agreement(model, self.settings, kernel=kernel)
         self.following = Agreement(model, self.settings, self.settings.following, kernel)
+        self._facing = Facing(rig, model, noise.radius_lines)
         self._nearby: dict[Agreement, Nearby] = {}
         self.identification: Identification | None = None
         if kernel and takes(rig):
@@ -244,8 +277,8 @@ class Correspondence:
             return self._nearby[judge].near(places_mm, sigma_mm, left, right)
         predicted = self.predict(places_mm, sigma_mm, self._typical_px(left, right))
         of_left, of_right = (predicted.nearest(i, view.xy_px) for i, view in enumerate((left, right)))
-        misses = (of_left < 0) * int(Miss.NO_BLOB_LEFT) + (of_right < 0) * int(Miss.NO_BLOB_RIGHT)
-        target = np.flatnonzero(misses == Miss.FOUND)
+        misses = predicted.misses(of_left, of_right)
+        target = np.flatnonzero((misses == Miss.FOUND) | (misses == Miss.CROWDED))
         found = self._sight(
             judge, target, of_left[target], of_right[target], left, right, places_mm[target], misses
         )
@@ -269,7 +302,8 @@ class Correspondence:
             return self._nearby[self.following].meeting(places_mm, sigma_mm, left, right)
         predicted = self.predict(places_mm, sigma_mm, self._typical_px(left, right))
         of_left, of_right = (predicted.nearest(i, view.xy_px) for i, view in enumerate((left, right)))
-        target = np.flatnonzero((of_left >= 0) & (of_right >= 0))
+        misses = predicted.misses(of_left, of_right)
+        target = np.flatnonzero((misses == Miss.FOUND) | (misses == Miss.CROWDED))
         left, right = left.select(of_left[target]), right.select(of_right[target])
         points = intersect(self.rig, self.model.target[target], left, right, self.noise, places_mm[target])
         meeting = points.residual_px <= self._across_px(left, right)
@@ -286,7 +320,7 @@ class Correspondence:
 
     def predict(self, places_mm: Array, sigma_mm: Array, sigma_px: Array | float) -> Prediction:
         """Predict the images of targets expected at these positions (M, 3)."""
-        return Prediction.of(self.rig, places_mm, sigma_mm, sigma_px, self.settings.gate)
+        return Prediction.of(self.rig, places_mm, sigma_mm, sigma_px, self.settings.gate, self._facing)
 
     def _sight(
         self,
@@ -312,9 +346,10 @@ class Correspondence:
         known = Hypotheses(target, of_left, of_right, displacement, variance)
         chosen, expected = judge.consistent(known, meeting)
         if misses is not None:
+            own = misses[target[chosen]]
             misses[target] = Miss.RAYS_APART
             misses[target[meeting]] = Miss.OFF_PLACE
-            misses[target[chosen]] = Miss.FOUND
+            misses[target[chosen]] = own
         return Sighting(points.select(chosen), target[chosen], of_left[chosen], of_right[chosen], expected)
 
     def _across_px(self, left: ViewBlobs, right: ViewBlobs) -> Array:
@@ -363,7 +398,7 @@ class SingleViewSearch:
         """
         lacking, places_mm, sigma_mm = self._lacking(points)
         free = [view.select(_unused(view, points.image_px[:, k])) for k, view in enumerate((left, right))]
-        predicted = self._correspondence.predict(places_mm, sigma_mm, self._typical_px(free))
+        predicted = self._correspondence.predict(places_mm, sigma_mm, self._typical_px(free)).select(lacking)
         blob = np.stack([predicted.nearest(k, view.xy_px) for k, view in enumerate(free)])
         alone = np.flatnonzero((blob >= 0).sum(axis=0) == 1)
         of_view = blob[:, alone].argmax(axis=0)
@@ -376,7 +411,7 @@ class SingleViewSearch:
         )
 
     def _lacking(self, points: Points) -> tuple[Indices, Array, Array]:
-        """Indices (L,) of targets without a point, their predicted places (L, 3), and σ of these (L,).
+        """Indices (L,) of targets without a point; predicted places (M, 3) of all, and σ of these (M,).
 
         Only those that the points predict well enough to tell a target from its neighbours.
         """
@@ -385,7 +420,7 @@ class SingleViewSearch:
         expected = judge.field.expect(np.flatnonzero(seen), points.xyz_mm - model.xyz_mm[seen])
         places_mm, sigma_mm = self._correspondence.expected_places(expected)
         lacking = np.flatnonzero(~seen & (sigma_mm <= judge.settings.trust * judge.pitch_mm))
-        return lacking, places_mm[lacking], sigma_mm[lacking]
+        return lacking, places_mm, sigma_mm
 
     def _typical_px(self, views: Sequence[ViewBlobs]) -> float:
         """Typical σ of an image in either view, with what the calibration does not describe."""
@@ -399,7 +434,7 @@ class SingleViewSearch:
         return np.column_stack([np.hypot(blobs.sigma_px[:, 0], jitter_px), blobs.sigma_px[:, 1]])
 
 
-def _unused(blobs: ViewBlobs, images_px: Array) -> NDArray[np.bool_]:
+def _unused(blobs: ViewBlobs, images_px: Array) -> Mask:
     """(N,) True for blobs that are not the image of a point."""
     off = blobs.xy_px[:, np.newaxis] - images_px
     return ~((off * off).sum(axis=2) <= _SAME_PX**2).any(axis=1)

@@ -20,13 +20,10 @@ from dataclasses import dataclass, field
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from grabberd.core.arrays import Array, Indices, Mask
 from grabberd.core.kernel import KERNEL, Kernel
 from grabberd.core.reconstruction.object_model import ObjectModel
-
-Array = NDArray[np.float64]
-Indices = NDArray[np.intp]
 
 _KEPT = 32
 """Number of sets of seen targets whose predictors are kept, some 100 kB each."""
@@ -162,14 +159,14 @@ class DisplacementField:
             self._kept[key] = say
         return say
 
-    def _say_by_kernel(self, seen: NDArray[np.bool_], count: int) -> "Say":
+    def _say_by_kernel(self, seen: Mask, count: int) -> "Say":
         assert self.kernel is not None
         targets = len(self.precision)
         weights, sigma_mm = np.empty((count, targets)), np.empty(targets)
         self.kernel.predictor(self.covariance_mm2, self.precision, self.noise_mm**2, seen, weights, sigma_mm)
         return Say(weights.T, sigma_mm)
 
-    def _say_by_numpy(self, seen: NDArray[np.bool_]) -> "Say":
+    def _say_by_numpy(self, seen: Mask) -> "Say":
         inside, outside = np.flatnonzero(seen), np.flatnonzero(~seen)
         own = self.precision[inside[:, np.newaxis], inside]
         cross = self.precision[outside[:, np.newaxis], inside]

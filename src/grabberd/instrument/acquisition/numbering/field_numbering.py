@@ -5,9 +5,17 @@ from collections import deque
 from typing import NamedTuple
 
 from grabberd.core.field import FieldOrder
-from grabberd.core.ledger import NO_SIGNAL, LedgerEntry, LedgerEvent, Outcome, Rebase, numbers_off
+from grabberd.core.ledger import (
+    NO_SIGNAL,
+    LedgerEntry,
+    LedgerEvent,
+    Outcome,
+    Rebase,
+    numbers_off,
+    numbers_unsure,
+)
 from grabberd.instrument.acquisition.device import GrabbedField, Signal, StreamInfo
-from grabberd.instrument.acquisition.numbering.arrivals import Arrival, Arrivals
+from grabberd.instrument.acquisition.numbering.arrivals import Arrival, Arrivals, SequenceSteps
 from grabberd.instrument.acquisition.numbering.pace import SUSPECTED, Came, Pace
 from grabberd.instrument.acquisition.numbering.paths import Paths, Step
 from grabberd.instrument.acquisition.numbering.pending import (
@@ -19,8 +27,10 @@ from grabberd.instrument.acquisition.numbering.pending import (
     outcome_of,
 )
 from grabberd.instrument.acquisition.numbering.settling import Doubt, Doubts, Evidence, Settling
-from grabberd.instrument.acquisition.numbering.timing import Stamps, Timing
-from grabberd.instrument.acquisition.standstill import COMPUTER_BUSY
+from grabberd.instrument.acquisition.numbering.stamps import Stamps
+from grabberd.instrument.acquisition.numbering.standstill import COMPUTER_BUSY, Standstill
+from grabberd.instrument.acquisition.numbering.timing import Timing
+from grabberd.instrument.acquisition.numbering.turns import Turns
 
 
 class Numbered(NamedTuple):
@@ -44,77 +54,18 @@ class Numbered(NamedTuple):
     rebases: tuple[LedgerEvent, ...] = ()
 
 
-_SURE = 3
-"""Fields of the other parity, each counted one further, after which a driver counts fields. Where both fields
-of a frame share a number, every second difference is 0, unless fields are lost."""
-_SURER = 12
-"""Such fields after which a repeated number was an error: as the number of a frame, it would mean that every
-other field was lost."""
-_WRAP = 2**32  # V4L2 counts in 32 bits
-
-
-class SequenceSteps:
-    """Converts a driver's `sequence` into steps of fields.
-
-    If each buffer holds one field, some drivers give both fields of a frame the same number, others number
-    each field. This is learned from the stream: until then, and after the counter restarts, the result is
-    None.
-
-    Args:
-        alternate: True if each buffer holds one field, so that either numbering may occur; otherwise the
-            counter counts fields.
-
-    Attributes:
-        restarted: True if the last field's number ran backward.
-    """
-
-    def __init__(self, alternate: bool) -> None:
-        self._alternate = alternate
-        self._newer: int | None = None
-        self._single_steps = 0
-        self._counts_fields = False
-        self._last: tuple[int, int] | None = None
-        self.restarted = False
-
-    def forget(self) -> None:
-        """Expect the counter to restart; its way of counting is remembered."""
-        self._last = None
-
-    def step(self, sequence: int | None, parity: int) -> int | None:
-        """Number of fields since the last one by the driver's counter, or None if unknown."""
-        last, self._last = self._last, None if sequence is None else (sequence, parity)
-        self.restarted = False
-        if sequence is None or last is None:
-            return None
-        self._learn(sequence - last[0], parity, turned=parity != last[1])
-        step = (self._index(sequence, parity) - self._index(*last)) % self._modulus
-        # Half a wrap ahead or more means that the counter ran backward: it was restarted.
-        self.restarted = self._known and step >= self._modulus // 2
-        return step if self._known and 0 < step < self._modulus // 2 else None
-
-    @property
-    def _known(self) -> bool:
-        return not self._alternate or self._newer is not None or self._counts_fields
-
-    @property
-    def _modulus(self) -> int:
-        return _WRAP if self._newer is None else 2 * _WRAP
-
-    def _learn(self, difference: int, parity: int, *, turned: bool) -> None:
-        self._single_steps = self._single_steps + 1 if difference == 1 and turned else 0
-        if self._single_steps >= (_SURE if self._newer is None else _SURER):
-            self._counts_fields, self._newer = True, None
-        if self._alternate and difference == 0:
-            self._newer = parity
-
-    def _index(self, sequence: int, parity: int) -> int:
-        return sequence if self._newer is None else 2 * sequence + (parity == self._newer)
-
-
 _MOST_PENDING = 16
 """Fields that wait for more evidence before the likeliest path is taken, or as many as the driver's buffers
 hold if that is more, and `_CONFIRMING` after them."""
 _CONFIRMING = 10
+_OF_STANDSTILL = 0.5
+"""Fields, and those of a buffer, by which a loss may be shorter than a standstill of the driver."""
+_LONG = 4
+"""Fields lost in a row that are hardly lost on the bus right after a standstill."""
+_FROM_BEFORE = 2
+"""Buffers after a standstill of the driver that may have been filled before it although they came in time."""
+_KEEPS_ON = 8
+"""Fields in a row that a driver counts too many for, after which it keeps doing so."""
 
 
 class FieldNumbering:
@@ -127,6 +78,11 @@ class FieldNumbering:
     Args:
         info: The stream as granted. The times of a recording are taken as they are.
         since_ns: When the stream was requested, on the clock of the arrivals; None if unknown.
+
+    Attributes:
+        returned_ns: When the buffer before the next field was returned; None: just before that came.
+        of_driver: Standstill right before the next field, if the driver may have stood still as well; to be
+            set before that field is numbered. Those that were filled before it come first.
     """
 
     def __init__(self, info: StreamInfo, since_ns: int | None = None) -> None:
@@ -140,19 +96,26 @@ class FieldNumbering:
         )
         self._settling = Settling(self._arrivals, info.field_order, has_own_pace=self._pace.is_followed)
         self._timing = Timing(info, self._pace, self._stamps, self._arrivals, since_ns)
-        self._doubts = Doubts(self._arrivals, self._pace)
+        self._doubts = Doubts(self._arrivals, self._timing)
+        self._turns = Turns(self._pace, self._arrivals.in_turn)
         self._n = -1
         self._parity = 0
         self._miscounted = False
+        self._phase = self._too_high_by = 0
+        self._overcounted = 0
         self._paths: Paths | None = None
         self._pending: deque[Pending] = deque()
-        self._buffered = info.buffers
+        self._buffered, self._most_waiting = info.buffers, 2 * info.buffers + 1
         self._most_pending = max(_MOST_PENDING, self._buffered + _CONFIRMING)
         self._start = StreamStart(info, self._arrivals, since_ns, self._most_pending, self._pace)
         self._interruption: str | None = None
         self._since_ns: int | None = None
         self._standstill = COMPUTER_BUSY
-        self._waited = 0
+        self.returned_ns: int | None = None
+        self.of_driver: Standstill | None = None
+        self._stood: Standstill | None = None
+        self._after_it = self._held_by = 0
+        self._waited = self._uncertain_by = 0
 
     @property
     def rate_hz(self) -> float:
@@ -172,6 +135,7 @@ class FieldNumbering:
         """
         settled = self.settle()
         self._interruption = reason
+        self._arrivals.empty()
         if self._sequence is not None:
             self._sequence.forget()
         return settled
@@ -187,9 +151,10 @@ class FieldNumbering:
             time_ns: Time since the buffers were empty.
             reason: Reason for fields lost meanwhile.
         """
-        if time_ns > (self._buffered - 1) * self._pace.period_ns:
-            # The fields that are lost come after those that were in the buffers.
-            self._standstill, self._waited = reason, self._buffered + 1
+        if time_ns > (self._buffered - 1 - self._arrivals.in_turn) * self._pace.period_ns:
+            # Fields are lost after those that were in the buffers, of which some may be missing. So is what
+            # has begun while all were full.
+            self._standstill, self._waited = reason, self._most_waiting
 
     def number(
         self,
@@ -216,9 +181,16 @@ class FieldNumbering:
         """
         absent = NO_SIGNAL if signal is Signal.ABSENT else no_picture
         outcome = outcome_of(absent, grabbed.damage or damage)
+        if self.of_driver is not None:
+            self._stood, self._after_it = self.of_driver, self._most_waiting
         pending = self._look(grabbed, now_ns, *outcome, no_signal=signal is Signal.ABSENT, in_time=in_time)
         settled = self._follow_pace() if self._has_another_pace(pending) else []
-        self._waited = max(self._waited - 1, 0)
+        self._waited, self.of_driver = max(self._waited - 1, 0), None
+        # One that came in time may still be from before the standstill, but not those after it.
+        last = (
+            _FROM_BEFORE * self._arrivals.in_turn if in_time and pending.may_be_held else self._after_it - 1
+        )
+        self._after_it = max(last, 0)
         self._interruption = None
         if self._paths is not None:
             return settled + self._go_on(self._paths, pending)
@@ -262,9 +234,9 @@ class FieldNumbering:
         fields followed it.
         """
         step = Step(pending.count or 1, None, None)
-        lost = lost_before(pending, step, self._n + 1)
         self._n += step.fields
         time_ns = pending.stamp_ns if pending.time_ns is None else pending.time_ns
+        lost = self._lost_before(pending, step, time_ns)
         if lost_uncounted := self._pace.unexplained(back):
             pending = pending.uncertain(lost_uncounted)
         return self._numbered(pending, time_ns, lost, None)
@@ -282,11 +254,13 @@ class FieldNumbering:
         time_ns, doubt = self._timing.begin(first, late_ns)
         self._doubts.begin(time_ns, late_by)
         self._n, self._parity = 0, first.parity
+        self._phase = first.parity
         self._paths = Paths(first.phase, self._arrivals.way, exact=not self._live)
         return self._numbered(first.uncertain(late_by) if late_by else first, time_ns, (), doubt)
 
     def _go_on(self, paths: Paths, pending: Pending) -> list[Numbered]:
         self._pending.append(pending)
+        self._bridge(pending)
         stamp = self._timing.steps_to(pending.time_ns)
         arrival = self._timing.steps_to(pending.arrival.time_ns)
         paths.see(pending.seen(stamp, arrival))
@@ -295,11 +269,30 @@ class FieldNumbering:
             settled.append(self._settle_oldest(paths))
         return settled
 
+    def _bridge(self, pending: Pending) -> None:
+        """Learn the camera's rate from a gap for which it is not known well enough: by the count, if there is
+        one, else so that the fields keep their phase.
+        """
+        tells = self._arrivals.tells_of_stamps
+        time_ns = pending.time_ns if tells else self._arrivals.exposed_ns(pending.arrival)
+        steps = self._timing.steps_to(time_ns)
+        if len(self._pending) > 1 or steps is None or not pending.in_time or pending.interruption:
+            return
+        fields = pending.count
+        if fields is None:
+            turned = self._has_parity and round(steps) % 2 != (pending.parity - self._parity) % 2
+            fields = round(steps) + (turned if steps > round(steps) else -turned)
+        self._timing.bridge(fields, steps, is_counted=pending.count is not None)
+
     def _goes_on(self, paths: Paths) -> bool:
         """True if the oldest field has its number, or has waited for it as long as allowed."""
         if self._pace.may_change and len(self._pending) < SUSPECTED:
             return False
-        return self._settling.is_settled(self._pending, paths) or len(self._pending) > self._most_pending
+        if len(self._pending) > self._most_pending:
+            return True
+        oldest, *after = self._pending
+        is_awaited = self._turns.is_awaited(oldest, paths.best.steps[0], after)
+        return not is_awaited and self._settling.is_settled(self._pending, paths)
 
     def _longest_wait(self, arrival: Arrival) -> int:
         """Number of fields for which the first one after an interruption may have waited, by its arrival."""
@@ -324,7 +317,7 @@ class FieldNumbering:
     ) -> Pending:
         parity = grabbed.field.parity
         time_ns, doubt = self._stamps.look(grabbed.time_ns, now_ns, interrupted=bool(self._interruption))
-        arrival = self._arrivals.look(parity, now_ns)
+        arrival = self._arrivals.look(parity, now_ns, self.returned_ns)
         return Pending(
             parity,
             parity if self._has_parity else None,
@@ -344,74 +337,135 @@ class FieldNumbering:
             may_have_waited=0 if in_time else self._longest_wait(arrival),
             interruption=self._interruption,
             standstill=self._standstill if self._waited > 0 else None,
+            of_driver=self._stood if self._after_it else None,
+            may_be_held=self.of_driver is not None,
         )
 
     def _settle_oldest(self, paths: Paths) -> Numbered:
         pending = self._pending.popleft()
         doubt_of_number = self._settling.settle_next(pending, paths)
         step = paths.settle()
-        lost = lost_before(pending, step, self._n + 1)
         self._n += step.fields
+        unsure_by = self._unsure_by(pending, step)
         time_ns, doubt = self._timing.come_to(pending, step, self._n)
+        lost = self._lost_before(pending, step, time_ns)
         if late := self._timing.take_late():
             self._arrivals.way = self._arrivals.way.longer_by(late)
             paths.lengthen_way(late)
             self._doubts.shift(round(late * self._pace.period_ns))
         if step.wrong_parity:
             pending = pending.damaged("parity contradicts time")
-        was_open, evidence = self._doubts.open, self._evidence(pending, step, doubt_of_number, paths)
+        was_open, before = self._doubts.open, self._uncertain_by
+        out_by = self._turns.out_by(pending, self._pending)
+        out_of_place_by = max(out_by, self._held_by)
+        evidence = self._evidence(pending, step, doubt_of_number, paths, out_of_place_by)
+        evidence = evidence._replace(stamped=doubt is None)
         uncertain_by = self._doubts.of(self._n, time_ns, step, pending.arrival, evidence)
-        rebases = self._rebases(pending, step)
+        rebases = self._rebases(pending, step, is_certain=not uncertain_by)
+        if unsure_by:
+            rebases = (*rebases, numbers_unsure(self._n, unsure_by))
         if uncertain_by:
             is_met = pending.arrival.time_ns is None or evidence.way_is_known
-            if was_open or not is_met or doubt_of_number.of_loss or evidence.ahead_by:
+            if was_open or not is_met or doubt_of_number.of_loss or evidence.ahead_by or out_by:
                 lost = doubtful(lost, uncertain_by)
-            pending = pending.uncertain(uncertain_by)
         else:
-            self._learn(pending.arrival, time_ns, paths)
+            self._learn(pending, time_ns, paths)
+            # After an uncertain number they may as well be missing before it, unless they are counted.
+            by = max(unsure_by, 0 if pending.count == step.fields else before)
+            lost = doubtful(lost, by) if by else lost
+        self._uncertain_by = uncertain_by
+        if by := max(uncertain_by, unsure_by):
+            pending = pending.uncertain(by)
         return self._numbered(pending, time_ns, lost, doubt, rebases)
 
-    def _evidence(self, pending: Pending, step: Step, doubt: Doubt, paths: Paths) -> Evidence:
-        """Evidence about a field's number in addition to its step."""
+    def _lost_before(self, pending: Pending, step: Step, time_ns: int) -> tuple[LedgerEntry, ...]:
+        lost, standstill, by_computer = step.fields - 1, pending.standstill, 0
+        if not pending.arrival.joined:
+            self._held_by = 0
+        if standstill is not None:
+            by_computer = self._arrivals.lost_to_full_buffers(pending.arrival, time_ns, lost)
+        if (of_driver := pending.of_driver) is not None and of_driver is self._stood:
+            in_turn, due = self._arrivals.in_turn, of_driver.time_ns / self._pace.period_ns
+            shortest = due - in_turn if pending.may_be_held else max(due - 1, _LONG)
+            # As well as one that had begun before it.
+            by_it = min(lost, (math.ceil(due / in_turn) + 1) * in_turn)
+            if lost >= shortest - _OF_STANDSTILL and by_it > by_computer:
+                by_computer, standstill, self._stood = by_it, of_driver.reason, None
+                # Its own buffer may have been held up, and stamped afterwards: then they are missing behind.
+                self._held_by = lost if pending.may_be_held else 0
+        return lost_before(pending, step, self._n, by_computer, standstill)
+
+    def _unsure_by(self, pending: Pending, step: Step) -> int:
+        """Fields by which nobody can tell how many are missing: the camera's rate is known only so well."""
+        if step.fields in {1, pending.count} or pending.interruption or not self._live:
+            return 0
+        if step.late is None and step.arrived is None:
+            return 0
+        keeps_phase = self._has_turned(pending, step) is False and self._doubts.keeps_phase
+        apart = 2 if keeps_phase else 1
+        return int(self._timing.spread(step.fields) // apart) * apart
+
+    def _evidence(self, pending: Pending, step: Step, doubt: Doubt, paths: Paths, out_by: int) -> Evidence:
+        """Evidence about a field's number in addition to its step and fields by which it is out of turn."""
         ahead = self._timing.take_ahead()
         # One more: the early fields before it have moved the clock by part of a period.
         too_many = math.ceil(ahead) + 1 if ahead else 0
         # It has waited as long as allowed, and the cause of its delay is still unknown.
         unexplained = self._pace.unexplained(len(self._pending)) if self._pace.may_change else 0
         of_itself = max(
-            step.doubt, too_many, contradiction(pending, step), pending.may_have_waited, unexplained
+            step.doubt,
+            too_many,
+            contradiction(pending, step),
+            pending.may_have_waited,
+            unexplained,
         )
         return Evidence(
-            max(doubt.fields, of_itself),
+            max(doubt.fields, of_itself, out_by),
             way_is_known=paths.best.way.is_known,
             in_time=step.arrived_in_time and pending.in_time,
             ahead_by=round(ahead),
             of_loss=doubt.of_loss or pending.may_have_waited > 0,
             stamps_follow=any(kind is Rebase.CLOCK for kind, _ in self._timing.rebases),
-            of_place=doubt.of_place and not of_itself,
+            of_place=(doubt.of_place or out_by > 0) and not of_itself,
             counted=pending.count,
+            turned=self._has_turned(pending, step),
         )
 
-    def _learn(self, arrival: Arrival, time_ns: int, paths: Paths) -> None:
+    def _has_turned(self, pending: Pending, step: Step) -> bool | None:
+        """True if the camera goes on in the other phase with a field; None if its fields have no phase."""
+        if not self._has_parity:
+            return None
+        return not step.wrong_parity and pending.parity != (self._parity + step.fields) % 2
+
+    def _learn(self, pending: Pending, time_ns: int, paths: Paths) -> None:
         """Learn the shortest way from a field whose number is certain."""
-        self._arrivals.learn(arrival, time_ns)
+        self._arrivals.learn(pending.arrival, time_ns, waited=not pending.in_time)
         if paths.best.way.is_known and not self._arrivals.way.is_known:
             self._arrivals.way = paths.best.way
         paths.confirm_way(self._arrivals.way)
 
-    def _rebases(self, pending: Pending, step: Step) -> tuple[LedgerEvent, ...]:
-        """Changes of the base of numbers and times, from this field on."""
+    def _rebases(self, pending: Pending, step: Step, *, is_certain: bool) -> tuple[LedgerEvent, ...]:
+        """Changes of the base of numbers and times, from this field on.
+
+        Whether the count has skipped, and the camera goes on in the other phase, is only known with a certain
+        number, unless a driver keeps counting too many.
+        """
         found, self._timing.rebases = self._timing.rebases, []
-        before, self._miscounted = self._miscounted, pending.recounted or pending.overcounts(step.fields)
-        if self._miscounted and not before:  # only once, even if a driver always counts wrongly
+        self._overcounted = self._overcounted + 1 if pending.overcounts(step.fields) else 0
+        skipped = self._overcounted >= (1 if is_certain else _KEEPS_ON)
+        knew, self._miscounted = self._miscounted, pending.recounted or skipped
+        if self._miscounted and not knew:  # only once, even if a driver always counts wrongly
             happened = "restarted" if pending.recounted else "skipped"
             found.append((Rebase.COUNT, f"the driver's count has {happened}, to {pending.sequence}"))
-        due = (self._parity + step.fields) % 2
-        self._parity = due if step.wrong_parity else pending.parity
-        if self._has_parity and self._parity != due:
-            found.append((Rebase.PHASE, "the camera has gone on in the other phase"))
-        events = tuple(LedgerEvent(self._n, *one) for one in found)
         too_high_by = self._doubts.too_high_by
+        self._too_high_by += too_high_by
+        if self._has_parity and is_certain and not step.wrong_parity:
+            # Numbers that are off by an odd number are explained by that alone.
+            before, self._phase = self._phase, (pending.parity - self._n + self._too_high_by) % 2
+            if self._phase != before:
+                found.append((Rebase.PHASE, "the camera has gone on in the other phase"))
+        self._parity = (self._parity + step.fields) % 2 if step.wrong_parity else pending.parity
+        events = tuple(LedgerEvent(self._n, *one) for one in found)
         return (*events, numbers_off(self._n, too_high_by)) if too_high_by else events
 
     def _numbered(

@@ -1,9 +1,12 @@
 """Pace of a camera: the actual time from one picture to the next, which may differ from the granted one."""
 
+import math
 from collections import deque
 from collections.abc import Sequence
 from itertools import pairwise
 from typing import NamedTuple
+
+import numpy as np
 
 from grabberd.core.field import FieldOrder
 from grabberd.instrument.acquisition.device import StreamInfo
@@ -15,6 +18,14 @@ _ALIKE = 0.2
 _DRIFT, _OF_MANY, _MANY = 0.35, 0.2, 32
 """Periods that the pictures of a steady pace may gain or lose in total before it is another pace; from that
 number on. With half a period they would be numbered wrongly."""
+_SURELY = 5.0
+"""Standard deviations by which the period of another pace differs: stamps that jitter by half a period, as on
+USB, gain and lose a third of one within a few fields."""
+_BENDS, _OF_BENDS = 0.9, 1.645 * math.sqrt(6)
+"""Share of the changes of intervals that is jitter, while a few come of losses; and ratio of the largest of
+them to the σ of a time."""
+_BATCHES_NS = 2_300_000
+"""Least σ of a time: USB delivers in batches of 8 ms."""
 _SHORTEST, _LONGEST = 0.9, 12.0
 """Range of a pace in granted periods: a camera slows down in the dark, but hardly becomes faster."""
 _LONG = 1.6
@@ -99,17 +110,29 @@ class Pace:
         if intervals < _FEWEST:
             return False
         self._suspected = 0
-        span_ns = times_ns[-1] - times_ns[0]
-        mean_ns = span_ns / intervals
+        mean_ns, left_ns = _fitted(times_ns)
         self.steady_hz = 1e9 / mean_ns
-        drift = abs(span_ns / self.period_ns - intervals)
+        off_ns = abs(mean_ns - self.period_ns)
+        drift = off_ns / self.period_ns * intervals
         if not self.is_followed or drift < (_DRIFT if intervals < _MANY else _OF_MANY):
+            return False
+        of_places = len(times_ns) * (len(times_ns) ** 2 - 1) / 12
+        if off_ns < _SURELY * max(left_ns, self._jitter_ns) / math.sqrt(of_places):
             return False
         if not _SHORTEST < mean_ns / self._granted_ns < _LONGEST:
             return False
         self.period_ns, self.rate_hz = mean_ns, self.steady_hz
         self._steady.clear()
         return True
+
+    @property
+    def _jitter_ns(self) -> float:
+        """σ of the latest times, whatever the pace: by chance or on a grid, a few of them lie on a line."""
+        times_ns = [one.time_ns for one in self._recent if one.time_ns is not None and one.counted == 1]
+        if len(times_ns) < _FEWEST:
+            return _BATCHES_NS
+        bends = np.diff(np.array([time_ns - times_ns[0] for time_ns in times_ns], float), 2)
+        return max(float(np.quantile(np.abs(bends), _BENDS)) / _OF_BENDS, _BATCHES_NS)
 
     def unexplained(self, back: int) -> int:
         """Pictures that may be lost uncounted before the field that came so many before the newest.
@@ -121,8 +144,13 @@ class Pace:
             return 0
         before_ns, own_ns, after_ns = (_interval_ns(*two) for two in pairwise(around))
         beside_ns = max(before_ns, after_ns)
-        is_long = own_ns > _LONG * beside_ns > 0
-        return (around[2].counted or 1) * (round(own_ns / beside_ns) - 1) if is_long else 0
+        if not self._is_long(own_ns, beside_ns):
+            return 0
+        return (around[2].counted or 1) * (round(own_ns / beside_ns) - 1)
+
+    def _is_long(self, interval_ns: float, beside_ns: float) -> bool:
+        """True for one that is long for the granted pace too: jitter makes others long beside a short one."""
+        return beside_ns > 0 and interval_ns > _LONG * max(beside_ns, self._granted_ns)
 
     def take_changed(self) -> str | None:
         """Sentence about a rate not yet reported; None if there is nothing new."""
@@ -141,7 +169,7 @@ class Pace:
         before, last = self._recent[-2], self._recent[-1]
         interval_ns, before_ns = _interval_ns(last, came), _interval_ns(before, last)
         miscounted = came.counted not in {None, 1} and abs(interval_ns / self.period_ns - 1) > _AS_COUNTED
-        if interval_ns and (miscounted or interval_ns > _LONG * before_ns > 0):
+        if interval_ns and (miscounted or self._is_long(interval_ns, before_ns)):
             self._suspected = SUSPECTED
 
     def _add(self, came: Came) -> None:
@@ -166,6 +194,16 @@ class Pace:
             return False
         mean_ns = (last_ns - first_ns) / (len(self._steady) - 1)
         return abs(interval_ns - mean_ns) <= _ALIKE * mean_ns
+
+
+def _fitted(times_ns: Sequence[int]) -> tuple[float, float]:
+    """Time from field to field that fits best, and the σ of what is left of the times."""
+    places = np.arange(len(times_ns)) - (len(times_ns) - 1) / 2
+    times = np.array([time_ns - times_ns[0] for time_ns in times_ns], float)
+    times -= times.mean()
+    slope_ns = float(places @ times) / float(places @ places)
+    left = times - slope_ns * places
+    return slope_ns, math.sqrt(float(left @ left) / (len(times_ns) - 2))
 
 
 def _interval_ns(one: Came, other: Came) -> float:

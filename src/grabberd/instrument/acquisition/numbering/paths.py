@@ -70,6 +70,7 @@ class Seen(NamedTuple):
         burst: true if it arrived with the one before, and not a period after it.
         joined: true if it came in one buffer with the one before: nothing is lost between them.
         excused: true if losses before it have a known reason.
+        waited: true if it may have waited for the program.
     """
 
     stamp: float | None
@@ -80,6 +81,7 @@ class Seen(NamedTuple):
     counted: int | None
     parity: int | None
     excused: bool
+    waited: bool
 
 
 class Step(NamedTuple):
@@ -200,7 +202,7 @@ class Paths:
             step = Step(fields, late, arrived, other_clock=_by_another_clock(late, before))
             time = _cost_of_exact_time(step) if self._exact else _cost_of_time(step, before, seen, path.way)
             cost = path.cost + _cost_of_loss(fields, seen) + time
-            way = path.way if seen.arrival is None else _way(path.way, seen.arrival - ahead, seen.joined)
+            way = path.way if seen.arrival is None else _way(path.way, seen.arrival - ahead, seen)
             expected = None if path.parity is None else (path.parity + fields) % 2
             if seen.parity is None or expected in (None, seen.parity):
                 yield Path(cost, (*path.steps, step), ahead, seen.parity, way)
@@ -234,13 +236,13 @@ def _by_another_clock(late: float | None, before: Step) -> bool:
     return (in_time or before.other_clock) and abs(late - before.late) <= _JITTER
 
 
-def _way(before: Way, periods: float, joined: bool) -> Way:
+def _way(before: Way, periods: float, seen: Seen) -> Way:
     """The shortest way of a path after one more field.
 
     A known way is not given up for a field whose number may be wrong.
     """
     stays = before.is_known and before.is_far_longer_than(periods)
-    return before if stays else before.after(periods, joined=joined)
+    return before if stays else before.after(periods, joined=seen.joined, waited=seen.waited)
 
 
 def _exposed(path: Path, seen: Seen) -> float | None:

@@ -14,6 +14,7 @@ from grabberd.instrument.acquisition.device import StreamInfo
 from grabberd.instrument.acquisition.numbering.arrivals import Arrival, Arrivals, Way
 from grabberd.instrument.acquisition.numbering.pace import Pace
 from grabberd.instrument.acquisition.numbering.paths import Paths, Seen, Step
+from grabberd.instrument.acquisition.numbering.standstill import Standstill
 
 
 @dataclass(frozen=True, slots=True)
@@ -35,6 +36,8 @@ class Pending:
             interruption.
         interruption: Why the stream stopped before it, or None.
         standstill: Why the driver's buffers may have been full before it, or None.
+        of_driver: A standstill shortly before it, if the driver may have stood still as well.
+        may_be_held: True if that was right before it.
     """
 
     parity: int
@@ -54,6 +57,8 @@ class Pending:
     may_have_waited: int
     interruption: str | None
     standstill: str | None
+    of_driver: Standstill | None = None
+    may_be_held: bool = False
 
     def overcounts(self, fields: int) -> bool:
         """True if the driver has counted more fields since the previous one than there were."""
@@ -70,6 +75,7 @@ class Pending:
             self.count,
             self.phase,
             self.interruption is not None,
+            not self.in_time,
         )
 
     def damaged(self, reason: str) -> Self:
@@ -104,14 +110,20 @@ _LATE = 0.75
 GAPS = {TIME_GAP, SEQUENCE_GAP, REPEATED_PARITY}
 
 
-def lost_before(pending: Pending, step: Step, first_n: int) -> tuple[LedgerEntry, ...]:
-    """The entry for the fields missing before a field, from `first_n` on; empty if none are."""
-    count = step.fields - 1
-    if not count:
-        return ()
-    gap = NO_SIGNAL if pending.no_signal else pending.standstill or _gap(pending, step)
-    reason = pending.interruption or gap
-    return (never_came(first_n, count, reason),)
+def lost_before(
+    pending: Pending, step: Step, n: int, by_computer: int, standstill: str | None
+) -> tuple[LedgerEntry, ...]:
+    """The entries for the fields missing before field `n`, the first `by_computer` of which were lost to the
+    standstill, if there was one; empty if none are missing.
+    """
+    count, first_n = step.fields - 1, n - step.fields + 1
+    gap = NO_SIGNAL if pending.no_signal else _gap(pending, step)
+    if standstill is None or pending.no_signal or pending.interruption:
+        each = [(count, pending.interruption or gap)]
+    else:
+        each = [(by_computer, standstill), (count - by_computer, gap)]
+    firsts = (first_n, first_n + each[0][0])
+    return tuple(never_came(at, *one) for at, one in zip(firsts, each, strict=False) if one[0])
 
 
 def _gap(pending: Pending, step: Step) -> str:

@@ -10,9 +10,9 @@ from typing import NamedTuple
 
 from grabberd.core.field import FieldOrder
 from grabberd.instrument.acquisition.numbering.arrivals import Arrival, Arrivals
-from grabberd.instrument.acquisition.numbering.pace import Pace
 from grabberd.instrument.acquisition.numbering.paths import Paths, Step
 from grabberd.instrument.acquisition.numbering.pending import Pending, uncounted
+from grabberd.instrument.acquisition.numbering.timing import Timing
 
 _LATE = 0.75
 """Periods by which the stamp of a field in time may be late; half a period if parity is unknown."""
@@ -83,7 +83,9 @@ class Settling:
             if len(after) < self._needed:
                 return False
             confirmed = all(
-                steps[i].arrived_in_time and in_turn[i].in_time and not uncounted(in_turn[i], steps[i])
+                steps[i].arrived_in_time
+                and in_turn[i].in_time
+                and not (self._has_own_pace and uncounted(in_turn[i], steps[i]))
                 for i in after
             )
             self._doubt_of_anchor = 0 if confirmed else lost
@@ -157,6 +159,13 @@ def _is_late_by(fields: int, step: Step) -> bool:
     return periods is not None and abs(periods - fields) < _AS_MANY
 
 
+_IN_PHASE = 0.8
+"""Periods by which the time of a field may be off while its parity decides: beyond them the camera has turned
+unseen."""
+_AS_COUNTED = 1.5
+"""Periods by which the driver's count may be ahead of a time, which is less exact after a long doubt."""
+_RATHER_LATE = 0.15
+"""Periods by which the earliest of some fields that arrive in time is rather late than early."""
 _REGULAR = 12
 """Consecutive fields that arrive in time without a loss, after which their numbers are certain: late fields
 come in a burst, or earlier and earlier."""
@@ -176,7 +185,9 @@ class Evidence(NamedTuple):
         stamps_follow: True if the stamps are of another clock from this field on, and shifted to continue
             the numbers as they are, so that they are no evidence of them.
         of_place: True if the doubt is only which of the neighbouring fields was lost.
+        stamped: False if its time had to be predicted: then its stamp matches nothing.
         counted: Fields since the previous one by the driver's count; None if unknown.
+        turned: True if the camera goes on in the other phase with this one; None if its fields have no phase.
     """
 
     uncertain_by: int
@@ -186,7 +197,9 @@ class Evidence(NamedTuple):
     of_loss: bool = False
     stamps_follow: bool = False
     of_place: bool = False
+    stamped: bool = True
     counted: int | None = None
+    turned: bool | None = None
 
 
 class Doubts:
@@ -197,7 +210,8 @@ class Doubts:
 
     Args:
         arrivals: Those of the stream.
-        pace: Of the camera.
+        timing: Of the fields, for the period as learned: with the granted one a camera that is 100 ppm off
+            would have lost a field after three minutes.
 
     Attributes:
         open: True from a field whose number is uncertain up to one whose number is certain again.
@@ -205,18 +219,31 @@ class Doubts:
             are too low, 0 if there is nothing new.
     """
 
-    def __init__(self, arrivals: Arrivals, pace: Pace) -> None:
+    def __init__(self, arrivals: Arrivals, timing: Timing) -> None:
         self._arrivals = arrivals
-        self._pace = pace
+        self._timing = timing
         self._certain: tuple[int, int] | None = None
         self._counted: int | None = None
         self.open = self._arrival_decides = self._of_place = False
         self.too_high_by = self._known_too_high = 0
-        self._fields = self._in_a_row = 0
+        self._fields = self._in_a_row = self._punctual = 0
+        self._least_late = math.inf
+        self._keeps_phase = True
+        self._learned_ns = timing.period_ns
+
+    @property
+    def keeps_phase(self) -> bool:
+        """False if the camera seems to have turned since the last certain number."""
+        return self._keeps_phase or not self.open
+
+    @property
+    def _period_ns(self) -> float:
+        """Period of the camera: stamps that may be arrivals teach nothing while they come late."""
+        return self._timing.period_ns if self._arrivals.tells_of_stamps else self._learned_ns
 
     def begin(self, time_ns: int, late_by: int) -> None:
         """Note the time of the first field, and the number of fields by which it may be late."""
-        self._certain, self._fields = (-late_by, time_ns - round(late_by * self._pace.period_ns)), 0
+        self._certain, self._fields = (-late_by, time_ns - round(late_by * self._period_ns)), 0
         self.open = late_by > 0
         self._counted = None if late_by else 0
 
@@ -254,7 +281,15 @@ class Doubts:
         self._fields += 1
         counts = self._counted is not None and evidence.counted is not None
         self._counted = (self._counted or 0) + (evidence.counted or 0) if counts else None
+        self._keeps_phase = evidence.turned is False and (self._keeps_phase or not self.open)
         in_time = evidence.in_time
+        self._punctual = self._punctual + 1 if in_time else 0
+        # Those before the doubt, or before a loss, tell nothing of the numbers after it.
+        goes_on = in_time and self.open and step.fields == 1
+        late_by = self._late_by(n, arrival) if in_time and self.open else math.inf
+        self._least_late = min(self._least_late, late_by) if goes_on else late_by
+        if self._punctual >= _REGULAR:
+            self._learned_ns = self._timing.period_ns
         regular = way_is_known and in_time and step.fields == 1
         self._in_a_row = self._in_a_row + 1 if regular else 0
         stamps_unsure = evidence.ahead_by > 0 or evidence.of_loss or evidence.stamps_follow
@@ -262,7 +297,7 @@ class Doubts:
         if uncertain_by:
             self._of_place = evidence.of_place and (self._of_place or not self.open)
         in_place = way_is_known and in_time and self._is_where_it_arrived(n, arrival)
-        ends = self._ends(step, in_time=in_time) or (in_place and self._of_place)
+        ends = self._ends(step, in_time=in_time, stamped=evidence.stamped) or (in_place and self._of_place)
         was_open, self.open = self.open, uncertain_by > 0 or (self.open and not ends)
         if self.open:
             return max(uncertain_by, self._range(n, time_ns, arrival), 1)
@@ -272,8 +307,8 @@ class Doubts:
         self._counted = 0
         return 0
 
-    def _ends(self, step: Step, *, in_time: bool) -> bool:
-        fits = self._arrivals.tells_of_stamps and step.late is not None and abs(step.late) < 0.5
+    def _ends(self, step: Step, *, in_time: bool, stamped: bool) -> bool:
+        fits = stamped and self._arrivals.tells_of_stamps and step.late is not None and abs(step.late) < 0.5
         fits = fits and (in_time or not self._arrival_decides)
         return fits or self._in_a_row >= _REGULAR or step.arrived is None
 
@@ -282,11 +317,21 @@ class Doubts:
         if self._certain is None:
             return n
         # By its arrival rather than by the time, which may have followed stamps that are no better.
+        latest, (certain_n, certain_ns) = n + self._least_late - _RATHER_LATE, self._certain
+        if math.isinf(latest) or not step.arrived_in_time or not self._arrivals.way.is_known:
+            latest = certain_n + (time_ns - certain_ns) / self._period_ns
+        # A driver may miss a loss, but hardly counts too many.
+        if self._counted is not None and -0.5 < certain_n + self._counted - latest < _AS_COUNTED:
+            return certain_n + self._counted
+        of_same_phase = n + 2 * round((latest - n) / 2)
+        return (
+            of_same_phase if self._keeps_phase and abs(latest - of_same_phase) < _IN_PHASE else round(latest)
+        )
+
+    def _late_by(self, n: int, arrival: Arrival) -> float:
+        """Fields by which a number would be too low, had its field come by the shortest way."""
         latest = self._latest(arrival)
-        if latest is not None and step.arrived_in_time and self._arrivals.way.is_known:
-            return round(latest)
-        certain_n, certain_ns = self._certain
-        return certain_n + round((time_ns - certain_ns) / self._pace.period_ns)
+        return math.inf if latest is None else latest - n
 
     def _is_where_it_arrived(self, n: int, arrival: Arrival) -> bool:
         latest = self._latest(arrival)
@@ -298,7 +343,7 @@ class Doubts:
         if exposed_ns is None or self._certain is None:
             return None
         certain_n, certain_ns = self._certain
-        return certain_n + (exposed_ns - certain_ns) / self._pace.period_ns
+        return certain_n + (exposed_ns - certain_ns) / self._period_ns
 
     def _range(self, n: int, time_ns: int, arrival: Arrival) -> int:
         """Number of fields by which number and time of a field may be off."""
@@ -306,5 +351,5 @@ class Doubts:
         if latest is None or self._certain is None:
             return 0
         certain_n, certain_ns = self._certain
-        late = (time_ns - certain_ns) / self._pace.period_ns - self._fields
+        late = (time_ns - certain_ns) / self._period_ns - self._fields
         return max(n - (certain_n + self._fields), round(latest) - n, math.ceil(late))

@@ -12,25 +12,34 @@ from grabberd.instrument.acquisition.numbering.arrivals import Arrivals
 from grabberd.instrument.acquisition.numbering.pace import Pace
 from grabberd.instrument.acquisition.numbering.paths import Step
 from grabberd.instrument.acquisition.numbering.pending import Pending
+from grabberd.instrument.acquisition.numbering.stamps import FUTURE_NS, MOVED, OF_DOUBTED, OF_GOOD, Stamps
 
 _SLOWEST_GAIN = 0.02
 _PERIOD_GAIN = _SLOWEST_GAIN**2 / 4  # critically damped: follows the camera's clock without overshoot
-_PERIOD_TOLERANCE = 1e-3  # a crystal is good to some 100 ppm; more would be jitter mistaken for drift
+_JITTER = 0.1
+"""σ of a stamp in periods."""
+_PERIOD_TOLERANCE = 5e-3  # a crystal is good to some 100 ppm, a camera in the field to 50.2 Hz
 _FREE_TOLERANCE = 1e-2
+_LEARNED = 5e-5
+"""Least relative σ of the period: by so much it varies when stamps jitter."""
 
 
 class FieldClock:
-    """Prediction of field times from the nominal period, with a slow correction of phase and period.
+    """Prediction of field times from the nominal period, with a correction of phase and period.
 
-    The gain starts as that of a running mean and falls to 1/50, so a jitter of 8 ms shrinks to some tenths of
-    a millisecond within a second and a half, while a camera clock that is off by some 100 ppm is still
-    followed. The period never differs from the nominal one by more than 1000 ppm, or by 1 % for a camera
-    with a free pace.
+    The gains are those of a Kalman filter, to which the σ of the period is a quarter of its tolerance at
+    first, and never fall below 1/50 of the phase: so a jitter of 8 ms shrinks to some tenths of a millisecond
+    within a second and a half, and a camera's own rate is known within the first seconds. The period never
+    differs from the nominal one by more than .5 %, or by 1 % for a camera with a free pace.
 
     Args:
         period_ns: Nominal time from field to field.
         exact: True for the times of a recording, which are taken as they are.
         free: True for a camera that counts its pictures, and whose rate is known to some per mille at best.
+
+    Attributes:
+        measured: Number of fields with a measured time.
+        locked: False before the first field.
     """
 
     def __init__(self, period_ns: float, exact: bool = False, *, free: bool = False) -> None:
@@ -40,24 +49,36 @@ class FieldClock:
         self._period_ns = period_ns
         self._base_ns = 0
         self._phase_ns = 0.0
-        self._corrections = 0
+        self._of_phase, self._of_both, self._of_period = _JITTER**2, 0.0, (self._tolerance / 4) ** 2
+        self.measured = 1
         self.locked = False
+
+    @property
+    def period_ns(self) -> float:
+        """Time from field to field, as learned."""
+        return self._period_ns
 
     @property
     def time_ns(self) -> int:
         """Time of the current field."""
         return self._base_ns + round(self._phase_ns)
 
+    @property
+    def period_sigma(self) -> float:
+        """Relative standard deviation of the period."""
+        return math.sqrt(self._of_period)
+
     def lock(self, time_ns: int) -> None:
         """Restart at a field's time; the learned period is kept."""
         self._base_ns, self._phase_ns = time_ns, 0.0
-        self._corrections = 1
+        self._of_phase, self._of_both = _JITTER**2, 0.0
         self.locked = True
 
     def follow(self, period_ns: float, time_ns: int) -> None:
         """Restart at a field's time with another period."""
         self.lock(time_ns)
         self._nominal_ns = self._period_ns = period_ns
+        self._of_period, self.measured = (self._tolerance / 4) ** 2, 1
 
     def steps_to(self, time_ns: int) -> float:
         """Number of periods from the current field to a given time."""
@@ -66,24 +87,36 @@ class FieldClock:
     def advance(self, steps: int, time_ns: int | None = None) -> int:
         """Advance to the field `steps` later and return its time, corrected by a measured one if given."""
         due_ns = self._phase_ns + steps * self._period_ns
-        late_ns = 0.0 if time_ns is None else time_ns - self._base_ns - due_ns
-        if self._exact:
-            self._move(due_ns + late_ns)
-        elif time_ns is None:
+        self._of_phase += steps * (2 * self._of_both + steps * self._of_period)
+        self._of_both += steps * self._of_period
+        if time_ns is None:
             self._move(due_ns)
-        else:
-            self._move(due_ns + self._gain() * late_ns)
-            self._correct_period(late_ns / steps)
+            return self.time_ns
+        late_ns = time_ns - self._base_ns - due_ns
+        phase, period = (1.0, 0.0) if self._exact else self._gains(steps)
+        self._move(due_ns + phase * late_ns)
+        self._period_ns = self._limited_ns(self._period_ns + period * late_ns)
         return self.time_ns
 
-    def _gain(self) -> float:
-        self._corrections += 1
-        return max(1 / self._corrections, _SLOWEST_GAIN)
+    def stretch(self, steps: int, measured: float, *, is_known: bool) -> None:
+        """Correct the period, where so many steps have been measured as another number of periods."""
+        self._period_ns = self._limited_ns(self._period_ns * measured / steps)
+        if is_known:
+            self._of_period = min(self._of_period, 2 * (_JITTER / steps) ** 2)
 
-    def _correct_period(self, late_ns: float) -> None:
+    def _limited_ns(self, period_ns: float) -> float:
         limit_ns = self._nominal_ns * self._tolerance
-        period_ns = self._period_ns + _PERIOD_GAIN * late_ns
-        self._period_ns = min(max(period_ns, self._nominal_ns - limit_ns), self._nominal_ns + limit_ns)
+        return min(max(period_ns, self._nominal_ns - limit_ns), self._nominal_ns + limit_ns)
+
+    def _gains(self, steps: int) -> tuple[float, float]:
+        """Gains of phase and period for a measured time, which make both better known."""
+        self.measured += 1
+        of_all = self._of_phase + _JITTER**2
+        phase, period = self._of_phase / of_all, self._of_both / of_all
+        self._of_period = max(self._of_period - period * self._of_both, _LEARNED**2)
+        self._of_phase *= 1 - phase
+        self._of_both *= 1 - phase
+        return max(phase, _SLOWEST_GAIN), max(period, _PERIOD_GAIN / steps)
 
     def _move(self, phase_ns: float) -> None:
         # Whole nanoseconds are kept in an integer: a float would lose precision within a day.
@@ -92,96 +125,15 @@ class FieldClock:
         self._phase_ns = phase_ns - whole_ns
 
 
-_BACKWARD = 1.5
-"""Periods by which a stamp may be before the last one: one of them was late."""
-FUTURE_NS = 100_000_000
-"""Grace time: how far a stamp may be ahead of the arrival of its field before it is doubted."""
-_OLDEST_NS = 10_000_000_000
-"""Age of a stream's first stamp beyond which it is from another clock."""
-_LONGEST_GAP_S = 10.0
-"""Longest gap for which a stamp is trusted without an arrival that confirms it."""
-
-
-_AGREE = 0.5
-"""Periods within which stamps that are off must be off alike before another clock is accepted: closer to the
-steps counted than to any other number of them."""
-_OF_DOUBTED, _OF_GOOD = 3, 8
-"""Number of such consecutive stamps: of untrusted ones, and of those whose fields arrived in time. More of
-the latter are needed, since stamps that are merely late may agree by chance."""
-
-
-class Stamps:
-    """Timestamps as the driver gives them, on the clock that the first of them was on.
-
-    Stamps that are zero, run backward or are in the future are not trusted. If they stay off but agree with
-    one another, they are from another clock: from then on they are shifted to continue the old one.
-
-    Args:
-        info: The stream as granted. The times of a recording are taken as they are.
-        pace: Of the camera.
-    """
-
-    def __init__(self, info: StreamInfo, pace: Pace) -> None:
-        self._live = info.live
-        self._keeps_pace = info.live and not info.waits_for_reader
-        self._pace = pace
-        self._max_steps = _LONGEST_GAP_S * info.rate_hz if info.live else float("inf")
-        self._backward = _BACKWARD if info.live else 0.0
-        self._offset_ns = 0
-        self._last_ns: int | None = None
-        self._off_ns: list[int] = []
-
-    def look(self, stamp_ns: int, now_ns: int | None, *, interrupted: bool) -> tuple[int, str | None]:
-        """Time of a stamp on this clock, and the reason not to trust it or None."""
-        time_ns = stamp_ns - self._offset_ns
-        doubt = self._doubt(stamp_ns, time_ns, now_ns, interrupted)
-        if doubt is None:
-            # The newest, not the last: stamps that run slowly backward would all be trusted.
-            self._last_ns = time_ns if self._last_ns is None else max(time_ns, self._last_ns)
-        return time_ns, doubt
-
-    def _doubt(self, stamp_ns: int, time_ns: int, now_ns: int | None, interrupted: bool) -> str | None:
-        if self._live and stamp_ns <= 0:
-            return "zero timestamp"
-        if self._keeps_pace and now_ns is not None and time_ns > now_ns + FUTURE_NS:
-            return "far-off timestamp"
-        if self._last_ns is None:
-            too_old = self._keeps_pace and now_ns is not None and time_ns < now_ns - _OLDEST_NS
-            return "far-off timestamp" if too_old else None
-        steps = (time_ns - self._last_ns) / self._pace.period_ns
-        if steps < -self._backward:
-            return "backward timestamp"
-        confirmed = interrupted or (self._keeps_pace and now_ns is not None)
-        return "far-off timestamp" if steps > self._max_steps and not confirmed else None
-
-    def fits(self) -> None:
-        """Note that a field's stamp was on time."""
-        self._off_ns.clear()
-
-    def watch(self, stamp_ns: int, predicted_ns: int, sightings: int) -> int:
-        """Note a stamp that is off; so many in a row that agree are those of another clock.
-
-        Returns:
-            The time by which that one is ahead of the clock before; 0 while it is the same.
-        """
-        off_ns = stamp_ns - predicted_ns
-        self._off_ns = [one for one in self._off_ns if abs(off_ns - one) <= _AGREE * self._pace.period_ns]
-        self._off_ns.append(off_ns)
-        if len(self._off_ns) < sightings:
-            return 0
-        before_ns, self._offset_ns = self._offset_ns, sum(self._off_ns) // len(self._off_ns)
-        self._last_ns = predicted_ns
-        self._off_ns.clear()
-        set_by_ns = self._offset_ns - before_ns
-        return set_by_ns if abs(set_by_ns) > _AGREE * self._pace.period_ns else 0
-
-    def explains(self, stamp_ns: int, predicted_ns: int) -> bool:
-        """True if a stamp is from the clock that is now followed, but was not when the stamp came."""
-        return abs(stamp_ns - self._offset_ns - predicted_ns) <= _AGREE * self._pace.period_ns
-
-
 _LATE = 0.75
 """Periods by which a stamp may be off before the field's time is predicted instead."""
+_DUE, _OFF, _APART = 0.2, 0.4, 0.3
+"""Periods about which a field came just when it was due, by which its stamp may be off then, and by which the
+stamp must differ from the arrival, with which it may have come."""
+_USUAL_WAY = 1.5
+"""Periods from the middle of an exposure to the arrival: half of one, and one to read the field out."""
+_SURELY = 2.5
+"""Standard deviations of the period within which it surely is."""
 _IN_TIME = 0.6
 """Periods after the shortest way, within which a field has arrived in time."""
 _EARLY = 3
@@ -189,6 +141,8 @@ _EARLY = 3
 _NEW_FOR = 100
 """Fields of a stream within which its first stamps may turn out to have been late. Later on, early stamps are
 those of another clock."""
+_OFF_TICK = 0.05
+"""Periods by which a clock is set in addition to a tick of its stamps."""
 _TAKEN_OVER = 5
 """Consecutive untrusted stamps after which arrivals are used instead: fewer are a few bad ones, or the first
 of another clock."""
@@ -222,8 +176,36 @@ class Timing:
         self._since_ns = since_ns
         self._first_ns: int | None = None
         self._early = self._doubted = 0
+        self._arrives_after_ns: int | None = None
         self._late = self._ahead = 0.0
         self.rebases: list[tuple[Rebase, str]] = []
+
+    @property
+    def period_ns(self) -> float:
+        """Time from field to field of the camera's clock, as learned."""
+        return self._clock.period_ns
+
+    @property
+    def _usual_way_ns(self) -> int:
+        """Time from the middle of an exposure to the arrival of its field, without a stamp that shows it."""
+        return round(_USUAL_WAY * self._pace.period_ns)
+
+    def bridge(self, fields: int, steps: float, *, is_counted: bool) -> None:
+        """Learn the period from a gap of so many fields that measures so many steps, if it is not known well
+        enough to tell how many they are.
+        """
+        is_gap = fields > 1 and self._spread_of_rate(fields) > 0.5
+        if is_gap and 0.5 < abs(steps - fields) < self.spread(fields):
+            self._clock.stretch(fields, steps, is_known=is_counted)
+
+    def spread(self, steps: int) -> float:
+        """Periods by which a field so many steps later may come sooner or later than predicted."""
+        return self._spread_of_rate(steps) + self._arrivals.grid + _LATE / 2
+
+    def _spread_of_rate(self, steps: int) -> float:
+        """The part of it that comes from the rate; stamps on a grid tilt what was learned of that."""
+        by_field = _SURELY * self._clock.period_sigma + self._arrivals.grid / self._clock.measured
+        return steps * min(by_field, _PERIOD_TOLERANCE)
 
     def steps_to(self, time_ns: int | None) -> float | None:
         """Periods from the last settled field to a time; None if either is unknown."""
@@ -234,6 +216,7 @@ class Timing:
         self._clock.follow(self._pace.period_ns, self._pace.before_ns)
         self._early = 0
         self._stamps.fits()
+        self._stamps.arrive_anew()
         if changed := self._pace.take_changed():
             self.rebases.append((Rebase.RATE, changed))
         if too_high_by:
@@ -251,7 +234,9 @@ class Timing:
 
     def begin(self, pending: Pending, late_ns: int = 0) -> tuple[int, str | None]:
         """Begin with the first field, given the delay of its stamp; its time, and why that is predicted."""
-        time_ns = pending.arrival.time_ns if pending.time_ns is None else pending.time_ns
+        time_ns = pending.time_ns
+        if time_ns is None and pending.arrival.time_ns is not None:
+            time_ns = pending.arrival.time_ns - self._usual_way_ns
         if time_ns is None:
             return pending.stamp_ns, pending.doubt
         time_ns -= late_ns
@@ -266,10 +251,17 @@ class Timing:
         arrived_ns = pending.arrival.time_ns
         if arrived_ns is None:
             return time_ns, reason
+        if pending.time_ns is not None and pending.in_time and reason is None and not pending.arrival.joined:
+            longer = self._stamps.arrived(arrived_ns - pending.time_ns)
+            if abs(longer) > MOVED and not self._arrivals.beats:
+                self._stamps.keep_way(longer)
         exposed_ns, grace_ns = arrived_ns, FUTURE_NS
         if self._arrivals.way.is_known and n >= _NEW_FOR:  # before that, the first ones may have been late
             exposed_ns = self._arrivals.exposed_ns(pending.arrival) or arrived_ns
             grace_ns = round(_IN_TIME * self._pace.period_ns)
+        if self._doubted >= _TAKEN_OVER and exposed_ns > arrived_ns:
+            # Without stamps there is no clock of theirs that could be ahead of that of the arrivals.
+            exposed_ns, grace_ns = arrived_ns, 0
         if time_ns <= exposed_ns + grace_ns:
             return time_ns, reason
         # A field in the future: the clock was set while fields waited, which was mistaken for losses.
@@ -287,13 +279,23 @@ class Timing:
             self._stamps.fits()
             self._clock.lock(pending.time_ns)
             return pending.time_ns, None
-        if not self._live or abs(late) <= _LATE:
+        if (
+            not self._live
+            or abs(late) <= self._latest(pending, step, late)
+            or self._arrivals.ticks_over(late)
+        ):
             self._stamps.fits()
             self._early = 0
             return self._clock.advance(step.fields, pending.time_ns), None
         if abs(self._arrived_late_by(pending, step)) < _IN_TIME:
             return self._come_in_time(pending, step, late, n)
         return self._come_off(pending, step, late, n)
+
+    def _latest(self, pending: Pending, step: Step, late: float) -> float:
+        """Periods by which a stamp may be off that is late by so many: less if its field came when due."""
+        arrived = self._arrived_late_by(pending, step)
+        is_due = self._arrivals.way.is_known and pending.in_time and abs(arrived) < _DUE
+        return max(_OFF, self._arrivals.grid) if is_due and abs(late - arrived) > _APART else _LATE
 
     def _come_off(self, pending: Pending, step: Step, late: float, n: int) -> tuple[int, str | None]:
         """Advance to a field that is as late or early as its stamp, judged by its arrival."""
@@ -304,7 +306,8 @@ class Timing:
         if self._arrivals.way.is_known and self._arrived_late_by(pending, step) > _IN_TIME:
             # It has waited, so its arrival is no evidence: a later one in time will reveal the clock.
             return self._clock.advance(step.fields), "early timestamp"
-        if pending.stamped_on_arrival and (n < _NEW_FOR or not self._arrivals.way.is_known):
+        is_new = pending.stamped_on_arrival and (n < _NEW_FOR or not self._arrivals.way.is_known)
+        if is_new and not self._is_before_request(pending.time_ns, step):
             return self._begin_again(pending, step)
         return self._come_early(pending.time_ns, step, late), None
 
@@ -313,7 +316,7 @@ class Timing:
         if late < 0 and n < _NEW_FOR and not self._arrivals.way.is_known:
             return self._begin_again(pending, step)
         predicted_ns = self._clock.advance(step.fields)
-        self._watch(pending.stamp_ns, predicted_ns, _OF_GOOD)
+        self._watch(pending.stamp_ns, predicted_ns, OF_GOOD)
         return predicted_ns, "late timestamp" if late > 0 else "early timestamp"
 
     def _begin_again(self, pending: Pending, step: Step) -> tuple[int, str | None]:
@@ -321,12 +324,14 @@ class Timing:
         time_ns = pending.time_ns or pending.stamp_ns
         if self._is_before_request(time_ns, step):
             predicted_ns = self._clock.advance(step.fields)
-            self._watch(pending.stamp_ns, predicted_ns, _OF_GOOD)
+            self._watch(pending.stamp_ns, predicted_ns, OF_GOOD)
             return predicted_ns, "early timestamp"
         self._early += 1
         if self._early < _EARLY:
             return self._clock.advance(step.fields), "early timestamp"
         late_ns = self._clock.advance(step.fields) - time_ns
+        if self._first_ns is not None:
+            self._first_ns -= late_ns
         self.rebases.append((Rebase.BEGIN, f"the first timestamps were late by {late_ns / 1e6:.0f} ms"))
         self._early, self._late = 0, late_ns / self._pace.period_ns
         self._clock.lock(time_ns)
@@ -354,7 +359,7 @@ class Timing:
 
     def _go_without(self, pending: Pending, predicted_ns: int) -> None:
         """Note a stamp that is not trusted."""
-        self._watch(pending.stamp_ns, predicted_ns, _OF_DOUBTED)
+        self._watch(pending.stamp_ns, predicted_ns, OF_DOUBTED)
         if self._stamps.explains(pending.stamp_ns, predicted_ns):
             return  # it came before the other clock was known
         self._doubted += 1
@@ -365,10 +370,12 @@ class Timing:
     def _believe_again(self) -> None:
         if self._doubted >= _TAKEN_OVER:
             self.rebases.append((Rebase.TIMESTAMPS, "the timestamps are believed again"))
-        self._doubted = 0
+        self._doubted, self._arrives_after_ns = 0, None
 
     def _watch(self, stamp_ns: int, predicted_ns: int, sightings: int) -> None:
-        if set_by_ns := self._stamps.watch(stamp_ns, predicted_ns, sightings):
+        set_by_ns = self._stamps.watch(stamp_ns, predicted_ns, sightings)
+        # Stamps that tick may all come a tick sooner or later.
+        if abs(set_by_ns) > (self._arrivals.tick + _OFF_TICK) * self._pace.period_ns:
             reason = f"the clock of the timestamps was set by {set_by_ns / 1e9:+.3f} s"
             self.rebases.append((Rebase.CLOCK, reason))
 
@@ -378,9 +385,18 @@ class Timing:
         return math.nan if steps is None else steps - step.fields
 
     def _predicted_ns(self, pending: Pending, step: Step) -> int:
-        if self._clock.locked:
+        """Time of a field without a stamp that is trusted: the clock follows the arrivals instead."""
+        arrived_ns = pending.arrival.time_ns
+        if not self._clock.locked:
+            if arrived_ns is None:
+                return pending.stamp_ns
+            self._clock.lock(arrived_ns - self._usual_way_ns)
+            return self._clock.time_ns
+        if self._doubted < _TAKEN_OVER or not pending.in_time or arrived_ns is None:
             return self._clock.advance(step.fields)
-        if pending.arrival.time_ns is None:
-            return pending.stamp_ns
-        self._clock.lock(pending.arrival.time_ns)
-        return pending.arrival.time_ns
+        if self._arrives_after_ns is None:
+            self._arrives_after_ns = arrived_ns - self._clock.advance(step.fields)
+            return self._clock.time_ns
+        time_ns = arrived_ns - self._arrives_after_ns
+        late = self._clock.steps_to(time_ns) - step.fields
+        return self._clock.advance(step.fields, time_ns if abs(late) <= _LATE else None)

@@ -8,10 +8,9 @@ from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from grabberd.archive.access import Identity
 from grabberd.documents.enums import Role
-from grabberd.server.api.guard.authentication import Authenticator, check_role
+from grabberd.server.api.guard.authentication import Authenticator, check_role, least_role
 from grabberd.server.api.guard.front import Front, check_host, check_page, check_page_is_named
-from grabberd.server.api.guard.limits import Bodies, LimitedBody, check_length
-from grabberd.server.api.guard.roles import least_role
+from grabberd.server.api.guard.limits import Bodies, LimitedBody, check_framing, check_length
 from grabberd.server.api.problems import Refusal
 
 RECHECK_S = 10.0
@@ -27,7 +26,7 @@ HEADERS = {
 
 
 class Gate:
-    """Checks host name, origin, token, role and length, in this order, before any route is called."""
+    """Checks framing, host name, origin, token, role and length, in this order, before any route."""
 
     def __init__(
         self,
@@ -73,6 +72,7 @@ class Gate:
 
     async def _admit(self, scope: Scope) -> Role | None:
         """Admits a request and stores who sent it; returns the role that it requires."""
+        check_framing(scope)
         check_host(scope, self._front)
         check_page(scope, self._front)
         least = least_role(scope)

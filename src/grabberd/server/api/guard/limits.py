@@ -27,9 +27,35 @@ from grabberd.server.daemon.descriptors import AT_ONCE
 
 LARGEST_AT_ONCE = 4
 """Number of largest possible request bodies that may be in memory at the same time."""
+MOST_PARTS = 500_000
+"""Values of a JSON body: empty lists take twenty times the memory of their text."""
 SHORT_BYTES = 65_536
 CLOSE = {"Connection": "close"}
 """Closes the connection, because the rest of the request is not read."""
+
+
+def check_framing(scope: Scope) -> None:
+    """Checks that a request says in one way where its body ends, as RFC 9112 (6.1, 6.3) allows to require.
+
+    The server itself follows the transfer coding. A proxy that follows the length sees another request after
+    it, one that it never checked.
+
+    Raises:
+        Refusal: 400, it has a transfer coding beside a length, or in HTTP/1.0, which knows none.
+    """
+    if is_ambiguous(Headers(scope=scope), scope.get("http_version")):
+        raise Refusal(
+            400,
+            "ambiguous-length",
+            "the request has both Content-Length and Transfer-Encoding, or the latter in HTTP/1.0",
+            "send one of them alone, the latter in HTTP/1.1",
+            CLOSE,
+        )
+
+
+def is_ambiguous(headers: Headers, http_version: str | None) -> bool:
+    """True if a request's body can be thought to end at two places."""
+    return "transfer-encoding" in headers and ("content-length" in headers or http_version == "1.0")
 
 
 def check_length(scope: Scope, limits: HttpLimits) -> None:
@@ -86,6 +112,7 @@ class LimitedBody:
         self._limits = limits
         self._bodies = bodies
         self._bytes = 0
+        self._parts = 0
         self._until: float | None = None
         self._complete = False
 
@@ -93,7 +120,8 @@ class LimitedBody:
         """Receives the next message.
 
         Raises:
-            Refusal: 413, the body is too long; 408, it takes too long; 503, there are too many.
+            Refusal: 413, the body is too long or has too many values; 408, it takes too long; 503, there are
+                too many.
         """
         if self._complete:
             return await self._receive()
@@ -102,8 +130,17 @@ class LimitedBody:
         self._bytes += size
         self._bodies.add(size, self._bytes)
         self._complete = not message.get("more_body", False)
+        self._parts += sum(message.get("body", b"").count(sign) for sign in (b"[", b"{", b","))
         if self._bytes > self._limits.body_bytes:
             raise _too_large(self._limits)
+        if self._parts > MOST_PARTS:
+            raise Refusal(
+                413,
+                "content-too-large",
+                f"the request body has more than {MOST_PARTS} values",
+                "send less at once",
+                CLOSE,
+            )
         return message
 
     def close(self) -> None:
@@ -284,7 +321,9 @@ class LimitedConnection(H11Protocol):
         super().handle_websocket_upgrade(event)
 
     def _should_upgrade(self) -> bool:
-        return self.app not in (too_busy, too_many_of_one) and super()._should_upgrade()
+        if self.app in (too_busy, too_many_of_one) or is_ambiguous(Headers(raw=self.headers), None):
+            return False  # answered by these, or refused by the gate
+        return super()._should_upgrade()
 
     @property
     def _is_idle(self) -> bool:

@@ -4,19 +4,23 @@ A stored calibration never changes.
 """
 
 from typing import Annotated
+from urllib.parse import quote
 
 from fastapi import APIRouter, Path, Request, Response, status
 
-from grabberd.archive.calibrations.calibration_frames import (
+from grabberd.archive.calibrations.calibration_catalog import (
     calibration_frame_document,
-    calibration_frame_rows,
+    frame_row,
+    known_calibration_frames,
 )
 from grabberd.documents.calibration_reports import CalibrationReport
 from grabberd.documents.calibrations import (
     CalibrationDocument,
     CalibrationFrameList,
+    CalibrationFrameRow,
     CalibrationList,
     CalibrationRow,
+    UnusableFrame,
 )
 from grabberd.documents.enums import Role
 from grabberd.documents.jobs import JobDocument
@@ -51,9 +55,22 @@ CalibrationId = Annotated[str, Path(pattern=r"^[0-9A-Za-z_-]{1,80}$", descriptio
 
 
 @router.get("/calibration-frames", summary="List the calibration frames")
-def list_calibration_frames() -> CalibrationFrameList:
-    """The calibration frames that can be selected by name; others are sent as a document."""
-    return CalibrationFrameList(calibration_frames=calibration_frame_rows())
+def list_calibration_frames(
+    service: ServiceOf, limit: Limit = 100, cursor: Cursor = None
+) -> CalibrationFrameList:
+    """The calibration frames that can be selected by name: the files in `calibration-frames` beside the
+    configuration, or without any, those of the program, by name, page by page. Files that cannot be used are
+    listed apart, with the reason. Others are sent as a document.
+    """
+    known = known_calibration_frames(service.config_file)
+    page, following = page_of(
+        known.items(), _by_name, lambda one: frame_row(*one), limit, cursor, ascending=True
+    )
+    return CalibrationFrameList(
+        calibration_frames=[one for one in page if isinstance(one, CalibrationFrameRow)],
+        unusable=[one for one in page if isinstance(one, UnusableFrame)],
+        next=following,
+    )
 
 
 @router.post(
@@ -72,8 +89,15 @@ def identify_capture(
     result lists what each view shows (found, missing, other), and a problem if the assignment is ambiguous.
     """
     service.archive.sealed_path(capture_id)
-    document = calibration_frame_document(wanted.calibration_frame if wanted else None)
-    job = service.jobs.submit(IdentificationJob(subject=capture_id, calibration_frame=document))
+    wanted = wanted or IdentificationRequest()
+    job = service.jobs.submit(
+        IdentificationJob(
+            subject=capture_id,
+            calibration_frame=calibration_frame_document(wanted.calibration_frame, service.config_file),
+            turn_deg=wanted.turn_deg,
+            marks=tuple(wanted.marks),
+        )
+    )
     return accepted(job, request, response)
 
 
@@ -103,7 +127,7 @@ def make_calibration(
         CalibrationJob(
             subject=first,
             further=tuple(further),
-            calibration_frame=calibration_frame_document(new.calibration_frame),
+            calibration_frame=calibration_frame_document(new.calibration_frame, service.config_file),
             options=new.options or CalibrationOptions(),
             device=service.instrument(device).name,
             note=new.note,
@@ -116,7 +140,8 @@ def make_calibration(
 @router.get("/calibrations", summary="List calibrations")
 def list_calibrations(service: ServiceOf, limit: Limit = 100, cursor: Cursor = None) -> CalibrationList:
     """The calibrations, including those of the configuration, newest first, page by page."""
-    page, following = page_of(service.active.rows(), _position, limit, cursor)
+    heads, row = service.active.listing()
+    page, following = page_of(heads, lambda head: head.place, row, limit, cursor)
     return CalibrationList(calibrations=page, next=following)
 
 
@@ -189,5 +214,5 @@ def get_calibration_report_json(calibration_id: CalibrationId, service: ServiceO
     return Response(service.calibrations.report(calibration_id), media_type="application/json")
 
 
-def _position(row: CalibrationRow) -> tuple[str, str]:
-    return row.created_utc or "", row.id
+def _by_name(frame: tuple[str, object]) -> tuple[str, str]:
+    return "", quote(frame[0], safe="").replace("~", "%7E")

@@ -9,24 +9,26 @@ from fastapi.responses import FileResponse, StreamingResponse
 from pydantic import BaseModel
 
 from grabberd.archive.capture.reader import stat_at_rest
-from grabberd.archive.catalogue.capture_documents import whole_run
+from grabberd.archive.capture_contents import mat_stream, parquet_stream
+from grabberd.archive.catalogue.capture_documents import ledger_json, run_json
 from grabberd.archive.export.c3d_file import points_c3d
 from grabberd.archive.export.channels_export import channels_csv
-from grabberd.archive.export.child_stream import mat_stream, parquet_stream
 from grabberd.archive.export.field_pictures import field_png, thumbnail_png
-from grabberd.archive.export.page_documents import PointsQuery, channels_json, points_json
-from grabberd.archive.export.points_export import points_csv, points_ply
-from grabberd.archive.export.replay_stretches import (
+from grabberd.archive.export.page_documents import (
     MOST_PICTURES,
     MOST_POINT_FIELDS,
+    PointsQuery,
     Stretch,
+    channels_json,
+    points_json,
     replay_pictures,
     replay_points,
 )
+from grabberd.archive.export.points_export import points_csv, points_ply
 from grabberd.archive.export.table_files import DIALECTS
-from grabberd.documents.captures import WholeRunDocument, WidthCourse
+from grabberd.documents.captures import LedgerPage, WholeRunDocument, WidthCourse
 from grabberd.documents.channels import CaptureChannelsDocument
-from grabberd.documents.points import PointsDocument
+from grabberd.documents.points_frame import PointsDocument
 from grabberd.documents.problems import Problem
 from grabberd.server.api.contents import Content
 from grabberd.server.api.readings import reads
@@ -41,13 +43,14 @@ from grabberd.server.api.responses import (
     is_known,
     tagged,
 )
-from grabberd.server.api.routes.dependencies import OF_A_FILE, CaptureId, ServiceOf
+from grabberd.server.api.routes.dependencies import OF_A_FILE, CaptureId, Cursor, Limit, ServiceOf
 from grabberd.server.api.streams.downloads import Download, WholeFile, download
 
 router = APIRouter(prefix="/captures", tags=["captures"], responses=OF_A_FILE, route_class=RenderedRoute)
 
-_json = partial(Response, media_type=JSON)
 FIELD_END = 2**53
+POINT_BYTES, READING_BYTES = 260, 100
+"""Memory for a point, and for a reading of all channels, as JSON."""
 SQLITE = "application/vnd.sqlite3"
 PLY = "application/ply"
 PARQUET = "application/vnd.apache.parquet"
@@ -125,15 +128,24 @@ def get_capture_file(
     return answer
 
 
-@router.get("/{capture_id}/runs/{run}", summary="Look up a run")
-@reads
+@_content("ledger", "Get the ledger, page by page", LedgerPage)
+def get_ledger(
+    capture_id: CaptureId, service: ServiceOf, limit: Limit = 100, cursor: Cursor = None
+) -> Content:
+    """The entries of all fields that were not received intact, and all events, in the order of the fields; of
+    a running capture, those on the disk.
+    """
+    return Content(ledger_json, (service.archive.path(capture_id), cursor, limit), media_type=JSON)
+
+
+@_content("runs/{run}", "Look up a run", WholeRunDocument)
 def get_run(
     capture_id: CaptureId,
     run: Annotated[int, Path(ge=1, le=2**53, description="Number of the run.")],
     service: ServiceOf,
-) -> WholeRunDocument:
+) -> Content:
     """A run with the calibration, the object model and the settings that its points were measured with."""
-    return whole_run(service.archive.path(capture_id), run)
+    return Content(run_json, (service.archive.path(capture_id), run), media_type=JSON, weight=4 << 20)
 
 
 @_content("points", "Get points as JSON, thinned out", PointsDocument)
@@ -164,7 +176,8 @@ def get_points(
 ) -> Content:
     """The points of a run, field by field, with their standard deviations."""
     query = PointsQuery(run, first_n, end_n, every, max_points, target or ())
-    return Content(points_json, (service.archive.path(capture_id), query), _json)
+    arguments = service.archive.path(capture_id), query
+    return Content(points_json, arguments, media_type=JSON, weight=max_points * POINT_BYTES)
 
 
 @_content("points.csv", "Get points as CSV", "text/csv", streamed=True)
@@ -226,7 +239,8 @@ def get_channels(
     """The vacuum and other quantities measured beside the picture, in kPa on the time axis of the points,
     with gaps and their reasons. Empty if no channels were recorded.
     """
-    return Content(channels_json, (service.archive.path(capture_id), max_readings), _json)
+    arguments = service.archive.path(capture_id), max_readings
+    return Content(channels_json, arguments, media_type=JSON, weight=(2 << 20) + max_readings * READING_BYTES)
 
 
 @_content("channels.csv", "Get channels as CSV", "text/csv", streamed=True)
@@ -261,7 +275,6 @@ def get_widths(capture_id: CaptureId, service: ServiceOf) -> WidthCourse:
 
 BINARY = "application/octet-stream"
 FirstField = Annotated[int, Query(ge=0, le=FIELD_END, description="First field.")]
-_binary = partial(Response, media_type=BINARY)
 
 
 @_content("replay/points", "Get points of a stretch for replay", BINARY)
@@ -276,7 +289,8 @@ def get_replay_points(
 ) -> Content:
     """The points of consecutive fields with their images and residuals, as one binary message."""
     stretch = Stretch(first_n, first_n + count)
-    return Content(replay_points, (service.archive.path(capture_id), run, stretch), _binary)
+    arguments = service.archive.path(capture_id), run, stretch
+    return Content(replay_points, arguments, media_type=BINARY, weight=4 << 20)
 
 
 @_content("replay/pictures", "Get pictures of a stretch for replay", BINARY)
@@ -290,4 +304,5 @@ def get_replay_pictures(
 ) -> Content:
     """The pictures of consecutive fields as recorded, as one binary message."""
     stretch = Stretch(first_n, first_n + count)
-    return Content(replay_pictures, (service.archive.path(capture_id), stretch), _binary)
+    arguments = service.archive.path(capture_id), stretch
+    return Content(replay_pictures, arguments, media_type=BINARY, weight=8 << 20)

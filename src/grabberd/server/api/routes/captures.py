@@ -1,19 +1,25 @@
-"""Captures: start, arm, trigger, stop, list, look up, annotate, delete, re-measure.
+"""Captures: start, arm, trigger, stop, list by query, look up, annotate, delete, re-measure.
 
 Also several at once, and groups: captures of several devices that start at the same moment.
 """
 
-from collections.abc import Generator
+from collections.abc import Generator, Iterable
 from dataclasses import replace
+from datetime import UTC, datetime
 from typing import Annotated, Any, cast
+from urllib.parse import quote, unquote
+from zoneinfo import ZoneInfo
 
-from fastapi import APIRouter, Path, Query, Request, Response, status
+from fastapi import APIRouter, Depends, Path, Query, Request, Response, status
 from fastapi.responses import StreamingResponse
+from pydantic import AfterValidator, StringConstraints
 
-from grabberd.archive.catalogue.capture_list import captures_csv, for_each, list_document
+from grabberd.archive.catalogue.capture_list import captures_csv, each_capture, for_each, list_document
 from grabberd.archive.catalogue.capture_list import list_captures as page_of_captures
+from grabberd.archive.catalogue.capture_query import CaptureQuery, Order, Position
 from grabberd.archive.catalogue.capture_zip import captures_zip
 from grabberd.archive.measure_setups import INCLUDE_DAMAGED
+from grabberd.clock import iso_utc
 from grabberd.documents.captures import (
     MOST_AT_ONCE,
     BatchDocument,
@@ -23,32 +29,151 @@ from grabberd.documents.captures import (
     CaptureSelection,
     CapturesPatch,
 )
-from grabberd.documents.document import Labels
+from grabberd.documents.document import ListedVerdict
 from grabberd.documents.jobs import JobDocument
 from grabberd.documents.requests import (
     CaptureName,
-    CaptureOptions,
     CapturePatch,
     MeasurementRequest,
     NewCapture,
     NewCaptureGroup,
 )
-from grabberd.errors import NotFound
-from grabberd.instrument.capture.capture_request import CaptureRequest
+from grabberd.errors import InputError, NotFound
 from grabberd.library.jobs.measurement import MeasurementJob
 from grabberd.server.api.idempotency import ACCEPTED_ONCE, OnceRoute
 from grabberd.server.api.readings import reads
 from grabberd.server.api.responses import RenderedRoute
-from grabberd.server.api.routes.capture_filter import (
-    Filter,
-    ListCursor,
-    Zone,
-    cursor_at,
-    position_in,
-    zone_of,
-)
 from grabberd.server.api.routes.dependencies import PROBLEMS, CaptureId, Limit, ServiceOf, accepted
 from grabberd.server.api.streams.downloads import Download, download
+
+
+def _in_utc(moment: datetime) -> datetime:
+    """A time in UTC; a time without a zone is taken as UTC."""
+    try:
+        return moment.astimezone(UTC) if moment.tzinfo else moment.replace(tzinfo=UTC)
+    except OverflowError:
+        raise ValueError("in UTC, this time is outside the years 1 to 9999") from None
+
+
+Moment = Annotated[datetime, AfterValidator(_in_utc)]
+Named = Annotated[str, StringConstraints(pattern=r"^[^=\n]{1,200}=[^\n]{1,200}$")]
+ListCursor = Annotated[
+    str | None,
+    Query(pattern=r"^[!-}]{0,800}~[0-9A-Za-z_.%-]{1,200}$", description="`next` of the previous page."),
+]
+Zone = Annotated[
+    str, Query(pattern=r"^[0-9A-Za-z_+/-]{1,64}$", description="Time zone of days and names, as Europe/Oslo.")
+]
+
+
+async def _time_and_words(
+    device: Annotated[str | None, Query(max_length=200, description="Only captures of this device.")] = None,
+    since: Annotated[Moment | None, Query(description="Only captures that started then or later.")] = None,
+    until: Annotated[Moment | None, Query(description="Only captures that started before.")] = None,
+    search: Annotated[
+        str | None,
+        Query(
+            max_length=200,
+            description="Only captures with all of these words in note or labels, or as the id's begin.",
+        ),
+    ] = None,
+    sort: Annotated[
+        str,
+        Query(
+            max_length=210,
+            pattern=r"^-?(time|length|losses|size|label\.[^\n]+)$",
+            description="time, length, losses, size or label.NAME; with a minus before it from the greatest "
+            "down. What is not known of a capture comes last.",
+        ),
+    ] = "-time",
+) -> CaptureQuery:
+    # Async although it awaits nothing: FastAPI calls other dependencies in threads.
+    return CaptureQuery(
+        device=device,
+        since_utc=None if since is None else iso_utc(since),
+        until_utc=None if until is None else iso_utc(until),
+        search=search,
+        order=Order.of(sort),
+    )
+
+
+async def _filter(
+    matching: Annotated[CaptureQuery, Depends(_time_and_words)],
+    pinned: Annotated[bool | None, Query(description="Only pinned captures, or only unpinned ones.")] = None,
+    analysed: Annotated[
+        bool | None, Query(description="Only captures that have an analysis, or only those without.")
+    ] = None,
+    measured: Annotated[
+        bool | None, Query(description="Only captures that have points, or only those without.")
+    ] = None,
+    verdict: Annotated[
+        list[ListedVerdict] | None, Query(max_length=3, description="Only with one of these verdicts.")
+    ] = None,
+    calibration: Annotated[
+        list[str] | None,
+        Query(max_length=50, description="Only those whose newest run was made with one of these."),
+    ] = None,
+    label: Annotated[
+        list[Named] | None,
+        Query(
+            max_length=50,
+            description="NAME=VALUE: only captures with that label; of several with one name any will do.",
+        ),
+    ] = None,
+) -> CaptureQuery:
+    return replace(
+        matching,
+        pinned=pinned,
+        analysed=analysed,
+        measured=measured,
+        verdicts=tuple(verdict or ()),
+        calibrations=tuple(calibration or ()),
+        labels=_labels(label or ()),
+    )
+
+
+Filter = Annotated[CaptureQuery, Depends(_filter)]
+
+
+def position_in(order: Order, cursor: str | None) -> Position | None:
+    """The position of a cursor; None without one.
+
+    Raises:
+        InputError: It is the cursor of a list in another order.
+    """
+    if cursor is None:
+        return None
+    key, _, own_id = cursor.rpartition("~")
+    return order.position(unquote(key), unquote(own_id))
+
+
+def cursor_at(position: Position | None) -> str | None:
+    """The cursor of the page after a position; None if there is none."""
+    if position is None:
+        return None
+    key = quote(str(position.key), safe=":").replace("~", "%7E")
+    return f"{key}~{quote(position.id, safe='').replace('~', '%7E')}"
+
+
+def zone_of(name: str) -> ZoneInfo:
+    """A time zone by its name.
+
+    Raises:
+        InputError: The name is unknown.
+    """
+    try:
+        return ZoneInfo(name)
+    except (ValueError, OSError, KeyError):
+        raise InputError(f"there is no time zone {name!r}", "name one such as Europe/Oslo, or UTC") from None
+
+
+def _labels(named: Iterable[str]) -> dict[str, tuple[str, ...]]:
+    labels: dict[str, tuple[str, ...]] = {}
+    for one in named:
+        name, _, value = one.partition("=")
+        labels[name] = (*labels.get(name, ()), value)
+    return labels
+
 
 router = APIRouter(prefix="/captures", tags=["captures"], responses=PROBLEMS, route_class=OnceRoute)
 
@@ -64,7 +189,7 @@ def start_capture(
     is running or armed.
     """
     start = service.capture_control.arm if new.armed else service.capture_control.start
-    capture = start(new.device, request_of(new, service.capture_control.rate_hz(new.device)))
+    capture = start(new.device, new)
     response.headers["Location"] = str(request.url_for("get_capture", capture_id=capture.id))
     return capture
 
@@ -80,7 +205,7 @@ def list_captures(
     zone: Zone = "UTC",
 ) -> CaptureList:
     """Captures, newest first unless sorted otherwise, page by page. Captures added or deleted meanwhile do
-    not shift the pages.
+    not shift the pages. A page ends before its limit if it has 4 MB.
     """
     days_in = zone_of(zone) if facets else None
     query = replace(matching, limit=limit, after=position_in(matching.order, cursor))
@@ -98,7 +223,7 @@ def list_captures_as_csv(service: ServiceOf, matching: Filter, limit: TableLimit
     """Captures, newest first unless sorted otherwise, one row each: verdicts, labels, and the main quantities
     of the latest analysis with their standard deviations.
     """
-    text = captures_csv(page_of_captures(service.archive, replace(matching, limit=limit)).captures)
+    text = captures_csv(each_capture(service.archive, replace(matching, limit=limit)))
     headers = {"Content-Disposition": 'attachment; filename="captures.csv"'}
     return Response(text, media_type="text/csv; charset=utf-8", headers=headers)
 
@@ -106,7 +231,7 @@ def list_captures_as_csv(service: ServiceOf, matching: Filter, limit: TableLimit
 @router.get("/{capture_id}", summary="Look up a capture")
 @reads
 def get_capture(capture_id: CaptureId, service: ServiceOf) -> CaptureDocument:
-    """One capture with its ledger."""
+    """One capture with the beginning of its ledger."""
     return service.archive.document(capture_id)
 
 
@@ -168,29 +293,6 @@ def measure_capture(
         made_with["settings"] = {**made_with["settings"], INCLUDE_DAMAGED: True}
     job = service.jobs.submit(MeasurementJob(subject=capture_id, made_with=made_with))
     return accepted(job, request, response)
-
-
-def request_of(options: CaptureOptions, rate_hz: float, labels: Labels | None = None) -> CaptureRequest:
-    """The service's request for a capture of one device.
-
-    Args:
-        options: Options of the request body.
-        rate_hz: Fields per second of the device.
-        labels: Labels of this device's capture alone; they take precedence over those of `options`.
-    """
-    fields = options.post_trigger_fields if options.armed else options.fields
-    if options.duration_s is not None:
-        fields = max(1, round(options.duration_s * rate_hz))
-    return CaptureRequest(
-        fields,
-        options.bits,
-        options.lines,
-        options.pre_trigger_fields,
-        options.overrun,
-        options.on_interruption,
-        options.note,
-        {**options.labels, **(labels or {})},
-    )
 
 
 @router.patch("", summary="Pin or annotate several captures")
@@ -256,7 +358,7 @@ def start_capture_group(
     names = list(service.instruments) if new.devices == "all" else list(dict.fromkeys(new.devices))
     _check_labels(new, names)
     control = service.capture_control
-    requests = {name: request_of(new, control.rate_hz(name), new.labels_of.get(name)) for name in names}
+    requests = {name: new.of_device(name) for name in names}
     start = control.arm_group if new.armed else control.start_group
     group_id = start(requests)
     response.headers["Location"] = str(request.url_for("get_capture_group", group_id=group_id))

@@ -1,10 +1,12 @@
 """Parameters and responses shared by several routes, and pagination."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable
 from typing import Annotated, TypeVar
 
 from fastapi import Depends, Path, Query, Request, Response
 
+from grabberd.archive.catalogue.capture_list import LARGEST_PAGE
+from grabberd.documents.document import Document
 from grabberd.documents.jobs import JobDocument
 from grabberd.documents.problems import Problem
 from grabberd.server.api.responses import Responses
@@ -48,22 +50,55 @@ def accepted(job: JobDocument, request: Request, response: Response) -> JobDocum
 
 
 T = TypeVar("T")
+Row = TypeVar("Row", bound=Document)
 
 Limit = Annotated[int, Query(ge=1, le=500, description="Maximum number of results.")]
 Cursor = Annotated[
     str | None,
-    Query(pattern=r"^[!-}]{0,40}~[0-9A-Za-z_.-]{1,200}$", description="`next` of the previous page."),
+    Query(pattern=r"^[!-}]{0,40}~[0-9A-Za-z_.%-]{1,800}$", description="`next` of the previous page."),
 ]
 """Creation time and id of the previous page's last entry: unlike page numbers, these stay valid when entries
 are added or removed."""
 
 
+def by_number(number: int) -> tuple[str, str]:
+    """Place of an entry in a list of numbers, which grow."""
+    return "", str(number).zfill(16)
+
+
 def page_of(
-    rows: Sequence[T], position: Callable[[T], tuple[str, str]], limit: int, cursor: str | None
-) -> tuple[list[T], str | None]:
-    """A page of rows in descending order of position, and the next page's cursor."""
+    known: Iterable[T],
+    position: Callable[[T], tuple[str, str]],
+    row: Callable[[T], Row | None],
+    limit: int,
+    cursor: str | None,
+    *,
+    ascending: bool = False,
+) -> tuple[list[Row], str | None]:
+    """A page of rows in descending order of position, and the next page's cursor.
+
+    It ends before its limit if it has 4 MB.
+
+    Args:
+        known: What is known of all entries without reading them.
+        position: The place of an entry.
+        row: Reads an entry; None if it does not belong to the list. Those of the page alone are read.
+        limit: Maximum number of rows.
+        cursor: `next` of the page before.
+        ascending: True for ascending order.
+    """
     after = None if cursor is None else tuple(cursor.split("~", 1))
-    descending = sorted(rows, key=position, reverse=True)
-    left = [row for row in descending if after is None or position(row) < after]
-    more = len(left) > limit
-    return left[:limit], "~".join(position(left[limit - 1])) if more else None
+    page: list[Row] = []
+    last, size = "", 0
+    for entry in sorted(known, key=position, reverse=not ascending):
+        place = position(entry)
+        if after is not None and (place <= after if ascending else place >= after):
+            continue
+        if (one := row(entry)) is None:
+            continue
+        size += len(one.model_dump_json())
+        if page and (len(page) == limit or size > LARGEST_PAGE):
+            return page, last
+        page.append(one)
+        last = "~".join(place)
+    return page, None

@@ -4,26 +4,26 @@ from typing import Annotated
 
 from fastapi import APIRouter, Query, Request, Response, status
 
+from grabberd.archive.calibrations.calibration_catalog import calibration_frame_document
 from grabberd.documents.devices import (
     DeviceDocument,
     DeviceList,
+    FaultDocument,
     LackDocument,
     LightDocument,
     ObjectDocument,
     ReadyDocument,
 )
-from grabberd.documents.health import FaultDocument
 from grabberd.documents.jobs import JobDocument
-from grabberd.documents.points import LiveCurves, NewestPoints
+from grabberd.documents.points_frame import LiveCurves, NewestPoints
 from grabberd.documents.problems import NotReadyProblem
 from grabberd.documents.requests import CheckRequest
-from grabberd.instrument.live.field_streams import curves_document
+from grabberd.instrument.live.field_streams import curves_document, light_document, object_document
 from grabberd.instrument.live.health import device_health, lacks_of
-from grabberd.instrument.live.newest_field import light_document, object_document
 from grabberd.server.api.problems import problem
 from grabberd.server.api.responses import NOT_MODIFIED, IfNoneMatch, RenderedRoute
 from grabberd.server.api.routes.dependencies import PROBLEMS, DeviceName, ServiceOf, SnapshotsOf, accepted
-from grabberd.server.daemon.check_job import CheckJob
+from grabberd.server.daemon.jobs import CheckJob
 
 KEPT_S = 300
 
@@ -114,7 +114,7 @@ def check_device(
         CheckJob.start(
             service.capture_control,
             service.instrument(name),
-            options.calibration_frame,
+            calibration_frame_document(options.calibration_frame, service.config_file),
             in_place=options.in_place,
             seconds=options.duration_s,
         )

@@ -18,7 +18,7 @@ def list_jobs(service: ServiceOf, limit: Limit = 100, cursor: Cursor = None) -> 
     """Waiting and running jobs and those that ended within the last month, newest first, page by page. They
     outlive the daemon: jobs that waited or ran when it stopped are done after its next start.
     """
-    page, following = page_of(service.jobs.list(), _by_number, limit, cursor)
+    page, following = page_of(service.jobs.list(), _by_number, lambda job: job, limit, cursor)
     return JobList(jobs=page, next=following)
 
 

@@ -1,6 +1,7 @@
 """Metrics for Prometheus, read on request from the daemon's own counters."""
 
 from collections.abc import Callable, Iterable, Iterator
+from math import isfinite
 
 from fastapi import APIRouter, Request, Response
 from prometheus_client import CollectorRegistry, ProcessCollector, generate_latest
@@ -17,12 +18,14 @@ from prometheus_client.registry import Collector
 from grabberd import __version__
 from grabberd.core.ledger import LossCause, Outcome, Rebase
 from grabberd.core.reconstruction.coverage import CoverageVerdict
+from grabberd.core.reconstruction.drift_check import MarkState, RigVerdict
 from grabberd.core.reconstruction.field_order import Order
 from grabberd.documents.enums import DeviceState, Rung
 from grabberd.documents.state import MqttDocument
 from grabberd.fault_board import OWN_CAUSES
 from grabberd.instrument.acquisition import Signal
 from grabberd.instrument.channels.loggers import Loggers
+from grabberd.instrument.device.field_watch import VIEWS
 from grabberd.instrument.device.worker import BOUNDS_S
 from grabberd.instrument.instrument import Instrument
 from grabberd.instrument.live.health import LEVELS, device_health, lacks_of
@@ -184,6 +187,7 @@ class ServiceMetrics(Collector):
         yield from _ring(instruments)
         yield from _device(instruments)
         yield from _points(instruments)
+        yield from _rig(instruments)
         yield from _captures(instruments, self._service)
         yield from logger_metrics(self._service.loggers)
         yield from health_metrics(self._service)
@@ -248,6 +252,23 @@ def _points(instruments: list[Instrument]) -> Iterator[Metric]:
     verdicts = (((name, order), float(fit.order is order)) for name, fit in fits for order in Order)
     yield gauge("grabberd_field_order", "1 for the current verdict.", ("device", "order"), verdicts)
     yield _latency(instruments)
+
+
+def _rig(instruments: list[Instrument]) -> Iterator[Metric]:
+    fits = [(one.name, fit) for one in instruments if (fit := one.worker.rig.fit) is not None]
+    verdicts = (((name, v), float(fit.verdict is v)) for name, fit in fits for v in RigVerdict)
+    yield gauge("grabberd_rig", "1 for the current verdict.", ("device", "verdict"), verdicts)
+    shifts = (((name,), fit.shift_px) for name, fit in fits if isfinite(fit.shift_px))
+    words = "Displacement of the views across the epipolar lines."
+    yield gauge("grabberd_rig_shift_pixels", words, ("device",), shifts)
+    marks = [
+        ((name, view), own) for name, fit in fits for view, own in zip(VIEWS, fit.marks or (), strict=False)
+    ]
+    sizes = ((labels, own.size_px) for labels, own in marks)
+    words = "Movement that the marks show, taken off the images."
+    yield gauge("grabberd_rig_corrected_pixels", words, ("device", "view"), sizes)
+    states = (((*labels, s), float(own.state is s)) for labels, own in marks for s in MarkState)
+    yield gauge("grabberd_marks", "1 for the current state.", ("device", "view", "state"), states)
 
 
 def _latency(instruments: list[Instrument]) -> Metric:

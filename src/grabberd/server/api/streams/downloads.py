@@ -15,7 +15,8 @@ from starlette.responses import FileResponse
 from starlette.types import Message, Receive, Scope, Send
 from typing_extensions import Buffer
 
-from grabberd.files.held_files import hold
+from grabberd.errors import GrabberdError
+from grabberd.files.disk import hold
 
 log = logging.getLogger(__name__)
 
@@ -30,6 +31,9 @@ class Source(Protocol):
 class Download(StreamingResponse):
     """A file sent piece by piece; its source is closed as soon as the client disconnects.
 
+    The first piece is made before the head is sent: until then, an error is answered as any other. A later
+    one cuts the answer off, without its end, so that nobody takes it for whole.
+
     Attributes:
         source: Source of the pieces.
         pieces: Iterates over the source, in threads or in another process.
@@ -39,17 +43,37 @@ class Download(StreamingResponse):
     pieces: Callable[[Any], AsyncIterator[str | bytes]] = staticmethod(iterate_in_threadpool)
 
     async def stream_response(self, send: Send) -> None:
-        """Sends the pieces."""
-        self.body_iterator = self.pieces(self.source)
+        """Sends the pieces.
+
+        Raises:
+            GrabberdError: The first piece cannot be made.
+        """
         try:
+            pieces = aiter(self.pieces(self.source))
+            self.body_iterator = _all_of(await anext(pieces, b""), pieces)
             await super().stream_response(send)
+        except _CutOff as error:
+            log.warning("a download ends early: %s", error)
         finally:
             self.source.close()
 
 
-def download(source: Source, media_type: str, name: str) -> Download:
-    """A download with a file name."""
-    headers = {"Content-Disposition": f'attachment; filename="{name}"'}
+class _CutOff(Exception):
+    """The rest of a download cannot be made."""
+
+
+async def _all_of(first: str | bytes, others: AsyncIterator[str | bytes]) -> AsyncIterator[str | bytes]:
+    yield first
+    try:
+        async for piece in others:
+            yield piece
+    except GrabberdError as error:
+        raise _CutOff(error.message) from error
+
+
+def download(source: Source, media_type: str, name: str = "") -> Download:
+    """A download, with a file name if it has one."""
+    headers = {"Content-Disposition": f'attachment; filename="{name}"'} if name else {}
     answer = Download((), media_type=media_type, headers=headers)
     answer.source = source
     return answer
@@ -64,7 +88,7 @@ class WholeFile(FileResponse):
 
     The client knows the length, so it notices the incomplete file and retries; half of the old file followed
     by half of the new one would look like a whole capture. The file is a database that this process may have
-    open, so its descriptor is shared and held (`files.held_files`).
+    open, so its descriptor is shared and held (`files.disk`).
     """
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:

@@ -23,8 +23,7 @@ from grabberd.documents.points_frame import encoded
 from grabberd.instrument.capture.device_captures import of_device
 from grabberd.instrument.device.worker import Live, Worker
 from grabberd.instrument.instrument import Instrument
-from grabberd.instrument.live.field_streams import PointsEncoder, curves_message
-from grabberd.instrument.live.newest_field import PreviewPicture
+from grabberd.instrument.live.field_streams import PointsEncoder, PreviewPicture, curves_message
 from grabberd.instrument.live.state import History, Version, changes
 from grabberd.server.api.streams.broadcast import Broadcast, Channel
 from grabberd.server.api.streams.preview import PreviewFeed

@@ -15,7 +15,7 @@ from grabberd.clock import UtcClock
 from grabberd.documents.requests import PreviewAsk, PreviewWords
 from grabberd.errors import NotReady
 from grabberd.instrument.instrument import Instrument
-from grabberd.instrument.live.newest_field import light_document
+from grabberd.instrument.live.field_streams import light_document
 from grabberd.instrument.live.preview import LADDER, Detail, Part, Preview, PreviewField, View
 from grabberd.server.api.streams.broadcast import Broadcast
 

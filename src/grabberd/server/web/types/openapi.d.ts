@@ -14,7 +14,7 @@ export interface paths {
         /**
          * List captures
          * @description Captures, newest first unless sorted otherwise, page by page. Captures added or deleted meanwhile do
-         *     not shift the pages.
+         *     not shift the pages. A page ends before its limit if it has 4 MB.
          */
         get: operations["list_captures"];
         put?: never;
@@ -64,7 +64,7 @@ export interface paths {
         };
         /**
          * Look up a capture
-         * @description One capture with its ledger.
+         * @description One capture with the beginning of its ledger.
          */
         get: operations["get_capture"];
         put?: never;
@@ -306,6 +306,27 @@ export interface paths {
          *     and aborts a download in progress.
          */
         get: operations["get_capture_file"];
+        put?: never;
+        post?: never;
+        delete?: never;
+        options?: never;
+        head?: never;
+        patch?: never;
+        trace?: never;
+    };
+    "/api/v1/captures/{capture_id}/ledger": {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        /**
+         * Get the ledger, page by page
+         * @description The entries of all fields that were not received intact, and all events, in the order of the fields; of
+         *     a running capture, those on the disk.
+         */
+        get: operations["get_ledger"];
         put?: never;
         post?: never;
         delete?: never;
@@ -651,7 +672,7 @@ export interface paths {
         };
         /**
          * List a capture's analyses
-         * @description The analyses with their inputs and a summary of their results, newest first.
+         * @description The analyses with their inputs and a summary of their results, newest first, page by page.
          */
         get: operations["list_analyses"];
         put?: never;
@@ -754,7 +775,9 @@ export interface paths {
         };
         /**
          * List the calibration frames
-         * @description The calibration frames that can be selected by name; others are sent as a document.
+         * @description The calibration frames that can be selected by name: the files in `calibration-frames` beside the
+         *     configuration, or without any, those of the program, by name, page by page. Files that cannot be used are
+         *     listed apart, with the reason. Others are sent as a document.
          */
         get: operations["list_calibration_frames"];
         put?: never;
@@ -975,7 +998,7 @@ export interface paths {
         };
         /**
          * List a profile's versions
-         * @description All versions of a profile, newest first.
+         * @description The versions of a profile, newest first, page by page.
          */
         get: operations["list_profile_versions"];
         put?: never;
@@ -1754,11 +1777,16 @@ export interface components {
         };
         /**
          * AnalysisList
-         * @description A capture's analyses, newest first.
+         * @description A page of a capture's analyses, newest first.
          */
         AnalysisList: {
             /** Analyses */
             analyses: components["schemas"]["AnalysisRow"][];
+            /**
+             * Next
+             * @description `cursor` of the next page; null after the last one.
+             */
+            next?: string | null;
         };
         /**
          * AnalysisPreparation
@@ -2276,11 +2304,21 @@ export interface components {
         };
         /**
          * CalibrationFrameList
-         * @description The calibration frames that come with the program, by name.
+         * @description A page of the calibration frames that can be selected, by name.
          */
         CalibrationFrameList: {
             /** Calibration Frames */
             calibration_frames: components["schemas"]["CalibrationFrameRow"][];
+            /**
+             * Unusable
+             * @description Files between them that cannot be used.
+             */
+            unusable: components["schemas"]["UnusableFrame"][];
+            /**
+             * Next
+             * @description `cursor` of the next page; null after the last one.
+             */
+            next?: string | null;
         };
         /**
          * CalibrationFrameRow
@@ -2348,8 +2386,20 @@ export interface components {
              * @description True if a smooth field of residuals may be added to the model.
              */
             local_field?: boolean | null;
-            /** @description Handedness of both views; default: determined. */
+            /** @description Handedness of both views; default: as the rig states it, or else determined. */
             handedness?: components["schemas"]["Handedness"] | null;
+            /** @description Turn of the calibration frame in the picture, counter-clockwise, as somebody has seen it: 0 if its X points down and its Y to the right. Needed only for a frame that looks the same in several ways. */
+            turn_deg?: components["schemas"]["Turn"] | null;
+            /**
+             * Marks
+             * @description Targets marked by hand, where the picture leaves it open.
+             */
+            marks?: components["schemas"]["CaptureMark"][] | null;
+            /**
+             * Dropped
+             * @description Ids of targets to leave out, as if the frame had none.
+             */
+            dropped?: number[] | null;
             /** @description A certified length; default: the one in the calibration frame's document. */
             check_length?: components["schemas"]["CertifiedLength"] | null;
         };
@@ -2410,6 +2460,8 @@ export interface components {
             normality: components["schemas"]["NormalityTest"][];
             validation: components["schemas"]["Validation"] | null;
             volume: components["schemas"]["Volume"];
+            /** @description Null in reports of earlier versions. */
+            validity?: components["schemas"]["CalibrationValidity"] | null;
             /** Distortion */
             distortion: components["schemas"]["ShiftGrid"][];
             /** @description Null if none was requested. */
@@ -2511,6 +2563,29 @@ export interface components {
             verdict: components["schemas"]["AcceptanceVerdict"] | null;
             /** @description Its rejection, which activating the calibration takes back. */
             rejected: components["schemas"]["CalibrationRejection"] | null;
+        };
+        /**
+         * CalibrationValidity
+         * @description Validity of a calibration; null where not both views see the place.
+         */
+        CalibrationValidity: {
+            /**
+             * Volume Mm
+             * @description From and to, of the calibration frame's targets.
+             */
+            volume_mm: {
+                [key: string]: number[];
+            };
+            /**
+             * Pointing Px
+             * @description Pointing σ of one field in x and y, as in the totals.
+             */
+            pointing_px: number[];
+            /** Views */
+            views: components["schemas"]["ViewValidity"][];
+            depths: components["schemas"]["DepthValidity"];
+            /** Movements */
+            movements: components["schemas"]["ViewMovement"][];
         };
         /**
          * CaptureAnalysis
@@ -2734,8 +2809,17 @@ export interface components {
              */
             length_fields?: number | null;
             ledger: components["schemas"]["LedgerDocument"];
-            /** Runs */
+            /**
+             * Runs
+             * @description The newest hundred, or the newest ten where captures are listed, in order.
+             */
             runs: components["schemas"]["RunDocument"][];
+            /**
+             * Runs Not Listed
+             * @description Number of earlier ones.
+             * @default 0
+             */
+            runs_not_listed?: number;
             /** @description How well the newest run was measured, beside `verdict`, which is about the fields alone; null while it records, where nothing was to be measured (no calibration or object model), and in files of earlier versions. */
             coverage?: components["schemas"]["CoverageSummary"] | null;
             /** @description How well what was measured beside the picture was recorded, such as the vacuum; null where nothing was to be. */
@@ -2757,7 +2841,7 @@ export interface components {
             pinned: boolean;
             /** Size Bytes */
             size_bytes: number;
-            /** @description What its points tell about camera and mirrors: the worst verdict (fits, doubtful, moved, unmatched) and the means of shift_px and ratio; null where the points tell nothing. */
+            /** @description What its points tell about camera and mirrors: the worst verdict (fits, corrected, doubtful, moved, unmatched) and the means of shift_px and ratio; with marks on the cup, corrected_px, the largest movement taken off either view; null where the points tell nothing. */
             rig?: components["schemas"]["JsonObject"] | null;
             /** @description What the points of moving targets, measured during the capture, tell about the sequence of its fields in time; null where none were measured, and for progressive pictures. */
             field_order?: components["schemas"]["FieldOrderDocument"] | null;
@@ -3081,6 +3165,34 @@ export interface components {
             widths_mm?: {
                 [key: string]: (number | null)[];
             };
+        };
+        /**
+         * CaptureMark
+         * @description A target of the calibration frame where somebody sees it in a capture's picture.
+         */
+        CaptureMark: {
+            /**
+             * View
+             * @enum {string}
+             */
+            view: "left" | "right";
+            /**
+             * Target
+             * @description Its id.
+             */
+            target: number;
+            /**
+             * X Px
+             * @description Frame pixels; the nearest image is the target's.
+             */
+            x_px: number;
+            /** Y Px */
+            y_px: number;
+            /**
+             * Capture
+             * @description Id of the capture; default: the first.
+             */
+            capture?: string | null;
         };
         /**
          * CapturePatch
@@ -3554,6 +3666,16 @@ export interface components {
             };
         };
         /**
+         * CorrectionDocument
+         * @description Correction of the rig by marks on the cup, from a field on.
+         */
+        CorrectionDocument: {
+            /** N */
+            n: number;
+            left: components["schemas"]["ViewCorrection"];
+            right: components["schemas"]["ViewCorrection"];
+        };
+        /**
          * CoverageDocument
          * @description Coverage of a run, target by target.
          */
@@ -3601,6 +3723,17 @@ export interface components {
              * @description The fields in which most targets were missed, at most twenty, in their order.
              */
             worst_fields: components["schemas"]["FieldCoverage"][];
+            /**
+             * Corrections
+             * @description What was taken off the images since the marks showed that the rig had moved, in order; each holds until the next. Empty without marks.
+             */
+            corrections?: components["schemas"]["CorrectionDocument"][];
+            /**
+             * Corrections Not Listed
+             * @description Number of further ones.
+             * @default 0
+             */
+            corrections_not_listed?: number;
         };
         /**
          * CoverageSummary
@@ -3736,6 +3869,27 @@ export interface components {
          * @enum {string}
          */
         Dating: "arrival" | "own_clock" | "monotonic";
+        /**
+         * DepthValidity
+         * @description σ over planes of equal Z: root mean square over the volume's width and height.
+         */
+        DepthValidity: {
+            /** Z Mm */
+            z_mm: number[];
+            /**
+             * Inside
+             * @description True in the calibration frame's volume.
+             */
+            inside: boolean[];
+            /** Calibration */
+            calibration: {
+                [key: string]: (number | null)[];
+            };
+            /** Total */
+            total: {
+                [key: string]: (number | null)[];
+            };
+        };
         /**
          * DeviceAnalysis
          * @description The analysis that ended last of those of a device's captures.
@@ -4175,10 +4329,12 @@ export interface components {
          * @description Identification of the calibration frame's targets, by view.
          */
         FrameIdentification: {
-            /** Handedness */
-            handedness: {
-                [key: string]: number;
-            };
+            handedness: components["schemas"]["ViewHandedness"];
+            /**
+             * Turn Deg
+             * @description Turn of the calibration frame in the left view, counter-clockwise.
+             */
+            turn_deg?: number | null;
             /** Rms Px */
             rms_px: {
                 [key: string]: number | null;
@@ -4337,6 +4493,13 @@ export interface components {
              * @description Its name or its document; not needed if there is only one.
              */
             calibration_frame?: string | components["schemas"]["JsonObject"] | null;
+            /** @description Turn of the calibration frame in the picture, counter-clockwise, as somebody has seen it: 0 if its X points down and its Y to the right. Needed only for a frame that looks the same in several ways. */
+            turn_deg?: components["schemas"]["Turn"] | null;
+            /**
+             * Marks
+             * @description Targets marked by hand.
+             */
+            marks?: components["schemas"]["TargetMark"][];
         };
         /**
          * IdentificationResult
@@ -4365,6 +4528,24 @@ export interface components {
              * @description True if the calibration frame did not stand still.
              */
             moved: boolean;
+            /**
+             * Turn Deg
+             * @description Turn of the calibration frame in the left view, counter-clockwise; null if unknown.
+             */
+            turn_deg?: number | null;
+            /** @description Of each view, as the picture shows it. */
+            handedness?: components["schemas"]["ViewHandedness"] | null;
+            /**
+             * Mirrored
+             * @description True if a view is seen mirrored, or the views swapped, unlike the configured rig.
+             * @default false
+             */
+            mirrored?: boolean;
+            /**
+             * Asks
+             * @description Targets to mark in the left view, where the picture leaves it open.
+             */
+            asks?: components["schemas"]["SoughtTarget"][];
             /** @description Why it is unclear which target is which. */
             problem: components["schemas"]["JobProblem"] | null;
         };
@@ -4608,10 +4789,28 @@ export interface components {
             counts: {
                 [key: string]: number;
             };
-            /** Entries */
+            /**
+             * Entries
+             * @description The first hundred, or the first ten where captures are listed; `captures/{capture_id}/ledger` has all.
+             */
             entries: components["schemas"]["LedgerEntryDocument"][];
-            /** Events */
+            /**
+             * Events
+             * @description As many of the events.
+             */
             events: components["schemas"]["LedgerEventDocument"][];
+            /**
+             * Entries Not Listed
+             * @description Number of further entries.
+             * @default 0
+             */
+            entries_not_listed?: number;
+            /**
+             * Events Not Listed
+             * @description Number of further events.
+             * @default 0
+             */
+            events_not_listed?: number;
         };
         /**
          * LedgerEntryDocument
@@ -4641,6 +4840,23 @@ export interface components {
             kind: components["schemas"]["Rebase"];
             /** Reason */
             reason: string;
+        };
+        /**
+         * LedgerPage
+         * @description A page of a capture's ledger: entries and events by their fields.
+         */
+        LedgerPage: {
+            /** Capture */
+            capture: string;
+            /** Entries */
+            entries: components["schemas"]["LedgerEntryDocument"][];
+            /** Events */
+            events: components["schemas"]["LedgerEventDocument"][];
+            /**
+             * Next
+             * @description `cursor` of the next page; null after the last one.
+             */
+            next?: string | null;
         };
         /**
          * LightDocument
@@ -5140,6 +5356,34 @@ export interface components {
             name: string;
         };
         /**
+         * MarkState
+         * @description State of the marks of a view.
+         * @enum {string}
+         */
+        MarkState: "at_rest" | "corrected" | "moving" | "hidden" | "contradictory" | "unknown";
+        /**
+         * MarksDocument
+         * @description Marks on the cup as one view shows them now.
+         */
+        MarksDocument: {
+            state: components["schemas"]["MarkState"];
+            /**
+             * Marks
+             * @description Number of marks used.
+             */
+            marks: number;
+            /**
+             * Size Px
+             * @description Root mean square over the view of the movement that is taken off its images; 0 if none is.
+             */
+            size_px: number;
+            /**
+             * Sigma Px
+             * @description Root mean square of its standard deviation.
+             */
+            sigma_px: number;
+        };
+        /**
          * MeasurementRequest
          * @description Choices for a re-measurement.
          * @example {
@@ -5185,7 +5429,7 @@ export interface components {
             coverage?: components["schemas"]["CoverageDocument"] | null;
         };
         /** @enum {string} */
-        MissReason: "no_blob_left" | "no_blob_right" | "no_blob" | "rays_apart" | "off_place" | "unconfirmed" | "not_identified" | "cut_off" | "unpredicted";
+        MissReason: "no_blob_left" | "no_blob_right" | "no_blob" | "rays_apart" | "off_place" | "unconfirmed" | "not_identified" | "cut_off" | "unpredicted" | "taken";
         /**
          * MqttDocument
          * @description Connection to the MQTT broker that receives device states and capture summaries.
@@ -5516,6 +5760,15 @@ export interface components {
              * @default true
              */
             homologous?: boolean;
+            /**
+             * Normal
+             * @description Direction in which all discs face, where it is not that of their grid's surface.
+             */
+            normal?: [
+                number,
+                number,
+                number
+            ] | null;
             /** Targets */
             targets: components["schemas"]["ObjectTarget"][];
         };
@@ -5611,6 +5864,11 @@ export interface components {
             rms_px: number;
             /** Drift Px */
             drift_px: number;
+            /**
+             * Drift Sigma Px
+             * @description Of the drift; null if unknown.
+             */
+            drift_sigma_px?: number | null;
         };
         /**
          * PixelAxes
@@ -5960,11 +6218,16 @@ export interface components {
         };
         /**
          * ProfileVersions
-         * @description All versions of a profile, newest first.
+         * @description A page of the versions of a profile, newest first.
          */
         ProfileVersions: {
             /** Versions */
             versions: components["schemas"]["ProfileRow"][];
+            /**
+             * Next
+             * @description `cursor` of the next page; null after the last one.
+             */
+            next?: string | null;
         };
         /**
          * PulsationDocument
@@ -6331,7 +6594,7 @@ export interface components {
             verdict: components["schemas"]["RigVerdict"];
             /**
              * Shift Px
-             * @description Displacement of the views relative to each other, across the epipolar lines. A displacement along these lines, or of both views alike, shows only in a check with the calibration frame.
+             * @description Displacement of the views relative to each other, across the epipolar lines, once what the marks show has been taken off. Without marks, a displacement along these lines, or of both views alike, shows only in a check with the calibration frame.
              */
             shift_px: number | null;
             /**
@@ -6353,6 +6616,8 @@ export interface components {
                     [key: string]: number | null;
                 };
             };
+            /** @description By view; null for a calibration that has learnt no marks. */
+            marks?: components["schemas"]["ViewMarks"] | null;
             /** Targets */
             targets: number;
             /** Fields */
@@ -6363,7 +6628,7 @@ export interface components {
          * @description Agreement of the rig with its calibration.
          * @enum {string}
          */
-        RigVerdict: "fits" | "doubtful" | "moved" | "unmatched" | "unknown";
+        RigVerdict: "fits" | "corrected" | "doubtful" | "moved" | "unmatched" | "unknown";
         /**
          * RingDocument
          * @description The ring of a device.
@@ -6534,6 +6799,29 @@ export interface components {
             effect_px: number;
             /** Dropped */
             dropped: boolean;
+        };
+        /**
+         * SoughtTarget
+         * @description Target that somebody has to find in the picture.
+         */
+        SoughtTarget: {
+            /**
+             * Target
+             * @description Id of the target.
+             */
+            target: number;
+            /**
+             * X Mm
+             * @description Its place on the calibration frame, likewise below.
+             */
+            x_mm: number;
+            /** Y Mm */
+            y_mm: number;
+            /**
+             * Places
+             * @description Its possible places in the left view.
+             */
+            places: components["schemas"]["ImagePosition"][];
         };
         /** @enum {string} */
         StartAdvice: "allowed" | "doubtful" | "refused";
@@ -6832,6 +7120,13 @@ export interface components {
             misses: {
                 [key: string]: number;
             };
+            /**
+             * Unexpected
+             * @description Number of fields in which a view could not show it, by the reason; empty in runs of earlier versions.
+             */
+            unexpected?: {
+                [key: string]: number;
+            };
             /** @description The most frequent one; null if it never was missed. */
             reason: components["schemas"]["MissReason"] | null;
             /**
@@ -6858,6 +7153,29 @@ export interface components {
              * @description Number of fields that the offset is from: a few a second.
              */
             offset_fields: number;
+        };
+        /**
+         * TargetMark
+         * @description A target of the calibration frame where somebody sees it in the picture.
+         */
+        TargetMark: {
+            /**
+             * View
+             * @enum {string}
+             */
+            view: "left" | "right";
+            /**
+             * Target
+             * @description Its id.
+             */
+            target: number;
+            /**
+             * X Px
+             * @description Frame pixels; the nearest image is the target's.
+             */
+            x_px: number;
+            /** Y Px */
+            y_px: number;
         };
         /**
          * TargetState
@@ -7087,6 +7405,10 @@ export interface components {
         };
         /** @enum {string} */
         TrendVerdict: "changes" | "no change shown" | "not tested";
+        /** @enum {integer} */
+        Turn: 0 | 90 | 180 | 270;
+        /** @enum {string} */
+        UnexpectedReason: "crowded" | "turned_away" | "hidden" | "merged" | "outside";
         /**
          * Unknowns
          * @description The unknowns of the adjustment and the correlations between them.
@@ -7096,6 +7418,24 @@ export interface components {
             names: string[];
             /** Correlation */
             correlation: (number | null)[][];
+        };
+        /**
+         * UnusableFrame
+         * @description A file of a calibration frame that cannot be used.
+         */
+        UnusableFrame: {
+            /** Name */
+            name: string;
+            /**
+             * Problem
+             * @description What is wrong with the file.
+             */
+            problem: string;
+            /**
+             * Hint
+             * @description What to do about it.
+             */
+            hint: string;
         };
         /**
          * Validation
@@ -7127,7 +7467,52 @@ export interface components {
             /** End Column */
             end_column: number;
         };
+        /**
+         * ViewCorrection
+         * @description Marks of a view in a run, and the movement that is taken off its images.
+         */
+        ViewCorrection: {
+            state: components["schemas"]["MarkState"];
+            /**
+             * Marks
+             * @description Number of marks used.
+             */
+            marks: number;
+            /**
+             * Shift Px
+             * @description Shift of the middle of the view since the calibration, in columns and frame lines; null where nothing is corrected, as for all that follows.
+             */
+            shift_px?: number[] | null;
+            /**
+             * Shift Sigma Px
+             * @description Its standard deviations.
+             */
+            shift_sigma_px?: number[] | null;
+            /**
+             * Pattern Px
+             * @description Coefficients of the movement: turn_x, turn_y, rotation, scale, aspect, skew, keystone_x, keystone_y.
+             */
+            pattern_px?: number[] | null;
+            /**
+             * Pattern Sigma Px
+             * @description Their standard deviations.
+             */
+            pattern_sigma_px?: number[] | null;
+            /**
+             * Size Px
+             * @description Root mean square of the movement over the view.
+             */
+            size_px?: number | null;
+            /**
+             * Sigma Px
+             * @description Root mean square of its standard deviation.
+             */
+            sigma_px?: number | null;
+        };
         ViewCounts: {
+            [key: string]: number;
+        };
+        ViewHandedness: {
             [key: string]: number;
         };
         /**
@@ -7170,6 +7555,77 @@ export interface components {
              * @description Sharpness of the targets' edges along the lines, whatever their brightness: 1 where only the pixels blur them; null if too few targets can be judged.
              */
             sharpness: number | null;
+        };
+        ViewMarks: {
+            [key: string]: components["schemas"]["MarksDocument"];
+        };
+        /**
+         * ViewMovement
+         * @description Cost of a view's movement after the calibration.
+         */
+        ViewMovement: {
+            /** View */
+            view: string;
+            /**
+             * Movement
+             * @description A shift of the picture, or a turn of the camera about its own axis.
+             * @enum {string}
+             */
+            movement: "shift_x" | "shift_y" | "turn_x" | "turn_y" | "turn_z";
+            /** Amount */
+            amount: number;
+            /**
+             * Unit
+             * @enum {string}
+             */
+            unit: "px" | "deg";
+            /**
+             * Middle Mm
+             * @description Error in the middle of the volume.
+             */
+            middle_mm: {
+                [key: string]: number | null;
+            };
+            /**
+             * Corner Mm
+             * @description The greatest one in its corners.
+             */
+            corner_mm: {
+                [key: string]: number | null;
+            };
+        };
+        /**
+         * ViewValidity
+         * @description σ over a view's half of the picture, for points on the plane in the middle of the volume.
+         */
+        ViewValidity: {
+            /** View */
+            view: string;
+            /** Columns */
+            columns: number[];
+            /** Lines */
+            lines: number[];
+            /** Z Mm */
+            z_mm: number;
+            /**
+             * Projection Px
+             * @description σ of where the view shows a fixed point, from the calibration alone.
+             */
+            projection_px: {
+                [key: string]: (number | null)[][];
+            };
+            /**
+             * Point Mm
+             * @description Expected σ of a point of one field, in total.
+             */
+            point_mm: {
+                [key: string]: (number | null)[][];
+            };
+            /**
+             * Inside
+             * @description True in the calibration frame's volume; elsewhere σ is extrapolated.
+             */
+            inside: boolean[][];
         };
         /**
          * VirtualCamera
@@ -8144,6 +8600,47 @@ export interface operations {
             507: components["responses"]["Problem507"];
         };
     };
+    get_ledger: {
+        parameters: {
+            query?: {
+                /** @description Maximum number of results. */
+                limit?: number;
+                /** @description `next` of the previous page. */
+                cursor?: string | null;
+            };
+            header?: never;
+            path: {
+                /** @description Id of the capture. */
+                capture_id: string;
+            };
+            cookie?: never;
+        };
+        requestBody?: never;
+        responses: {
+            /** @description Successful Response */
+            200: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["LedgerPage"];
+                };
+            };
+            401: components["responses"]["Problem401"];
+            403: components["responses"]["Problem403"];
+            404: components["responses"]["Problem404"];
+            408: components["responses"]["Problem408"];
+            409: components["responses"]["Problem409"];
+            410: components["responses"]["Problem410"];
+            413: components["responses"]["Problem413"];
+            421: components["responses"]["Problem421"];
+            422: components["responses"]["Problem422"];
+            429: components["responses"]["Problem429"];
+            500: components["responses"]["Problem500"];
+            503: components["responses"]["Problem503"];
+            507: components["responses"]["Problem507"];
+        };
+    };
     get_run: {
         parameters: {
             query?: never;
@@ -8806,7 +9303,12 @@ export interface operations {
     };
     list_analyses: {
         parameters: {
-            query?: never;
+            query?: {
+                /** @description Maximum number of results. */
+                limit?: number;
+                /** @description `next` of the previous page. */
+                cursor?: string | null;
+            };
             header?: never;
             path: {
                 /** @description Id of the capture. */
@@ -9017,7 +9519,12 @@ export interface operations {
     };
     list_calibration_frames: {
         parameters: {
-            query?: never;
+            query?: {
+                /** @description Maximum number of results. */
+                limit?: number;
+                /** @description `next` of the previous page. */
+                cursor?: string | null;
+            };
             header?: never;
             path?: never;
             cookie?: never;
@@ -9573,7 +10080,12 @@ export interface operations {
     };
     list_profile_versions: {
         parameters: {
-            query?: never;
+            query?: {
+                /** @description Maximum number of results. */
+                limit?: number;
+                /** @description `next` of the previous page. */
+                cursor?: string | null;
+            };
             header?: never;
             path: {
                 /** @description Kind of the profile. */

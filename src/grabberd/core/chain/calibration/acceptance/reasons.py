@@ -10,14 +10,15 @@ from typing import Literal, NamedTuple
 
 import numpy as np
 
-from grabberd.core.calibration import (
+from grabberd.core.calibration.calibration_frame import (
     DisplacedTarget,
-    Pattern,
-    Symmetry,
+    LeftOver,
     displaced_targets,
     grid_order,
+    pitch_mm,
     swapped_axes,
 )
+from grabberd.core.calibration.residuals import Pattern
 from grabberd.core.chain.calibration.calibration_result import CalibrateResult
 from grabberd.core.reconstruction import ObjectModel
 
@@ -79,43 +80,23 @@ def graded(value: float, limits: Limits) -> Grade:
     return Grade(REMARK if value > limits.remark else None)
 
 
-CLEAR_MARGIN = 150.0
 DISPLACED_SHARE = Limits(0.0, 0.1)
+MOST_DISPLACED = 0.5
+"""Displacement in pitches from which it is another place of the grid, or none, and never a bent pin."""
 
 
-def frame_reasons(
-    result: CalibrateResult, alike: Sequence[Symmetry], displaced: Sequence[DisplacedTarget]
-) -> Iterator[Reason]:
-    """Yield what is wrong with the calibration frame's file, or with telling its targets apart."""
-    yield from _runner_up(result)
-    yield from _alike(result, alike)
+def frame_reasons(result: CalibrateResult, displaced: Sequence[DisplacedTarget]) -> Iterator[Reason]:
+    """Yield what is wrong with the calibration frame's file, or left open by it."""
+    if result.identification.by_statement:
+        yield Reason(
+            "stated",
+            REMARK,
+            "the calibration frame looks the same in several ways: how it stands, and that the picture is "
+            "not mirrored, rests on what was stated alone",
+            "compare the ids in the picture with the frame, or add a further target that tells",
+        )
     yield from _grid(result)
     yield from _displaced(result.frame, displaced)
-
-
-def _runner_up(result: CalibrateResult) -> Iterator[Reason]:
-    for side in result.identification:
-        if side.margin < CLEAR_MARGIN:
-            yield Reason(
-                "runner_up",
-                REMARK,
-                f"the {side.view.name} view is explained nearly as well by another assignment: "
-                f"{side.runner_up_targets} targets to {side.runner_up_rms_px:.2f} px, against "
-                f"{int((side.target >= 0).sum())} to {side.rms_px:.2f} px",
-                "show the whole calibration frame, or identify some targets by hand",
-                {"view": side.view.name, "margin": side.margin},
-            )
-
-
-def _alike(result: CalibrateResult, alike: Sequence[Symmetry]) -> Iterator[Reason]:
-    seen = min(int((side.target >= 0).sum()) for side in result.identification)
-    if seen < len(result.frame) and alike and alike[0].cost < 2 * CLEAR_MARGIN:
-        yield Reason(
-            "alike",
-            REMARK,
-            f"{alike[0]}, and not all of them are visible: only the missing ones resolve the ambiguity",
-            "show the whole calibration frame, or add a target that breaks the repetition",
-        )
 
 
 def _grid(result: CalibrateResult) -> Iterator[Reason]:
@@ -156,6 +137,7 @@ def _displaced(frame: ObjectModel, displaced: Sequence[DisplacedTarget]) -> Iter
                 f"swap their {axes} in the file, and calibrate again",
                 {"first": first, "second": second, "what": axes},
             )
+    yield from _far(frame, displaced)
     said = "; ".join(
         f"{frame.target[one.target]} by {one.distance_mm:.2f} mm "
         "(x {:+.2f}, y {:+.2f}, z {:+.2f})".format(*one.shift_mm)
@@ -170,20 +152,38 @@ def _displaced(frame: ObjectModel, displaced: Sequence[DisplacedTarget]) -> Iter
     )
 
 
+def _far(frame: ObjectModel, displaced: Sequence[DisplacedTarget]) -> Iterator[Reason]:
+    """Yield targets that stand elsewhere altogether, however few: an error of the file, or a wrong frame."""
+    far = [one for one in displaced if one.distance_mm > MOST_DISPLACED * pitch_mm(frame)]
+    if far:
+        ids = ",".join(str(frame.target[one.target]) for one in far)
+        yield Reason(
+            "elsewhere",
+            FAILED,
+            f"more than half a pitch from where the calibration frame's file places them: target {ids}; the "
+            "file is wrong, or the picture shows another frame",
+            f"correct the file, or leave out what is wrong by --drop {ids}, and calibrate again",
+            {"n": len(far), "ids": ids},
+        )
+
+
 def displaced_of(result: CalibrateResult) -> tuple[DisplacedTarget, ...]:
-    """Find the targets that both views show elsewhere; their image points took no part in the adjustment."""
+    """Find the targets that both views show elsewhere, and of which an image point was left out for it."""
     kept = result.adjustment.network
-    sides = zip(result.images, result.identification, strict=True)
-    left_px, right_px = (
-        images.xy_px[~np.isin(side.target, kept.target[kept.view == index])]
-        for index, (images, side) in enumerate(sides)
+    seen = [np.isin(np.arange(len(result.frame)), kept.target[kept.view == view]) for view in range(2)]
+    missing = np.flatnonzero(~(seen[0] & seen[1]))
+    left, right = (
+        LeftOver(images.xy_px[free], side.target[free])
+        for images, side in zip(result.images, result.identification, strict=True)
+        for free in [np.isin(side.target, (-1, *missing))]
     )
-    missing = np.setdiff1d(np.arange(len(result.frame)), kept.target)
-    return displaced_targets(result.views, result.frame, missing, left_px, right_px)
+    return displaced_targets(result.views, result.frame, missing, left, right)
 
 
 MOVED_PX = Limits(0.04, 0.1)
 """A stand at rest shows .013 px at 8 bits and .021 at 1, a drift of .2 px over the capture .06."""
+CREEP_PX, CREEP_Z = 0.03, 4.5
+"""A steady drift of which there is a remark, even where all movement together is less: both are exceeded."""
 ENOUGH_FIELDS = 16
 UNSEEN_SHARE = Limits(0.1, 0.5)
 LARGE_DISC = 2.1
@@ -195,19 +195,23 @@ UNEVEN_DISCS, UNEVEN_SIGMA = 1.5, 2.0
 def picture_reasons(result: CalibrateResult) -> Iterator[Reason]:
     """Yield what is wrong with the pictures."""
     yield from _movement(result)
+    yield from _depth(result)
     yield from _seen(result)
+    yield from _merging(result)
     yield from _focus(result)
     yield from _light(result)
 
 
 def _movement(result: CalibrateResult) -> Iterator[Reason]:
     moved = max(one.rms_px for one in result.stillness)
-    yield from graded(moved, MOVED_PX).reason(
+    drift = max(result.stillness, key=lambda one: one.drift_px)
+    creeps = drift.drift_px > CREEP_PX and drift.drift_px > CREEP_Z * drift.drift_sigma_px
+    grade = graded(moved, MOVED_PX)
+    yield from (Grade(REMARK) if creeps and grade.level is None else grade).reason(
         "moved",
-        f"the picture moved by {moved:.2f} px rms during the capture, "
-        f"{max(one.drift_px for one in result.stillness):.2f} px of it steadily",
+        f"the picture moved by {moved:.2f} px rms during the capture, {drift.drift_px:.2f} px of it steadily",
         "fasten the calibration frame's stand, touch nothing, and repeat the capture",
-        {"px": moved},
+        {"px": max(moved, drift.drift_px) if creeps else moved},
     )
     count = result.images[0].of_fields
     if result.repeated:
@@ -228,6 +232,17 @@ def _movement(result: CalibrateResult) -> Iterator[Reason]:
         )
 
 
+def _depth(result: CalibrateResult) -> Iterator[Reason]:
+    if result.bits == 1 and result.y_step == 2:
+        yield Reason(
+            "one_bit",
+            REMARK,
+            "the fields have 1 bit and 288 lines: σ of the calibration, and of all points measured with it, "
+            "may be wrong by a factor of up to 1.7",
+            "calibrate from 8 bits, or from 1 bit with doubled lines",
+        )
+
+
 def _seen(result: CalibrateResult) -> Iterator[Reason]:
     of, network = len(result.frame), result.adjustment.network
     for index, view in enumerate(result.views):
@@ -238,6 +253,21 @@ def _seen(result: CalibrateResult) -> Iterator[Reason]:
             "move the calibration frame until both views show all of it; check light and threshold",
             {"view": view.name, "n": found, "of": of},
         )
+
+
+def _merging(result: CalibrateResult) -> Iterator[Reason]:
+    for view, targets in zip(result.views, result.merging, strict=True):
+        if len(targets):
+            ids = ", ".join(str(one) for one in result.frame.target[targets])
+            yield Reason(
+                "merging",
+                REMARK,
+                f"discs overlap in the {view.name} view: targets {ids} run into each other there, and were "
+                "left out of it",
+                "turn the calibration frame until both views show its discs apart, or use one with smaller "
+                "steps in depth",
+                {"view": view.name, "n": len(targets), "ids": ids},
+            )
 
 
 def _focus(result: CalibrateResult) -> Iterator[Reason]:

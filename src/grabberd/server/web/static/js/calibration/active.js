@@ -8,7 +8,7 @@ import { ageOf } from "./words.js";
 /** @import { Context } from "../core/context.js" */
 /** @import { CalibrationRow } from "types/documents" */
 
-const LEVELS = /** @type {Record<string, string>} */ ({ fits: "good", doubtful: "warn", moved: "bad", unmatched: "warn", unknown: "idle" });
+const LEVELS = /** @type {Record<string, string>} */ ({ fits: "good", corrected: "good", doubtful: "warn", moved: "bad", unmatched: "warn", unknown: "idle" });
 const SIGNS = /** @type {Record<string, string>} */ ({ good: "ok", warn: "warn", bad: "bad", idle: "unknown" });
 
 /** @param {Context} context @param {() => CalibrationRow[]} rows */

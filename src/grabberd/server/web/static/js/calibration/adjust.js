@@ -5,7 +5,7 @@ import { el, fill } from "../core/dom.js";
 import { draftOf, keepDraft } from "../core/drafts.js";
 import { createJob } from "../jobs/job.js";
 import { latestJob } from "./latest_job.js";
-import { createPoses, posesWith } from "./poses.js";
+import { createPoses, marksOf, posesWith } from "./poses.js";
 import { addressOf, note, way } from "./steps.js";
 
 /** @import { Context } from "../core/context.js" */
@@ -71,7 +71,8 @@ export function createAdjust(context, id) {
     try {
       const { labels } = await api.get(`/captures/${encodeURIComponent(captures[0])}`);
       keep(COMPUTED, captures.join(" "));
-      const body = { captures, calibration_frame: labels.calibration_frame, note: words.value.trim() };
+      const marks = captures.flatMap((capture) => marksOf(capture).map((mark) => ({ ...mark, capture })));
+      const body = { captures, calibration_frame: labels.calibration_frame, note: words.value.trim(), options: { marks } };
       const made = await api.post("/calibrations", { body, key: newKey() });
       keepDraft(draft, null);
       if ("progress" in made) job.follow(made); // a calibration itself answers only the import of one

@@ -1,13 +1,21 @@
 // The calibration frames that the daemon knows, and the one used on this tablet.
 import { el, fill } from "../core/dom.js";
 import { keep, kept } from "../core/kept.js";
+import { everyPage } from "../core/pages.js";
+import { note } from "./steps.js";
 
 /** @import { Context } from "../core/context.js" */
-/** @import { CalibrationFrame } from "types/documents" */
+/** @import { CalibrationFrame, UnusableFrame } from "types/documents" */
 
-/** @param {Context} context */
+/** Those that can be chosen, and files that cannot be used. @param {Context} context */
 export async function knownFrames({ api }) {
-  return (await api.get("/calibration-frames")).calibration_frames;
+  const pages = await everyPage((query) => api.get(`/calibration-frames?${query}`));
+  return { frames: pages.flatMap((page) => page.calibration_frames), unusable: pages.flatMap((page) => page.unusable) };
+}
+
+/** What is wrong with files that cannot be used, in the instrument's own words. @param {UnusableFrame[]} unusable */
+export function unusableNotes(unusable) {
+  return unusable.map(({ problem, hint }) => note("warn", el("p", { lang: "en" }, problem), el("p", { class: "small", lang: "en" }, hint)));
 }
 
 /** The one that was chosen on this tablet, or the first. @param {CalibrationFrame[]} frames */

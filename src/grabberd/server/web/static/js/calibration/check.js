@@ -37,7 +37,7 @@ export function createCheck(context) {
     busy(true);
     fill(result);
     try {
-      const frame = chosenFrame(await knownFrames(context));
+      const frame = chosenFrame((await knownFrames(context)).frames);
       job.follow(await api.post(`/devices/${encodeURIComponent(device ?? "")}/check`, { body: { calibration_frame: frame?.name ?? null, in_place: inPlace.checked } }));
     } catch (problem) {
       context.refused(problem);

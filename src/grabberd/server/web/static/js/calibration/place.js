@@ -3,7 +3,7 @@ import { el, fill, symbol } from "../core/dom.js";
 import { delivers, deviceOf } from "../core/store.js";
 import { createPicture } from "../live/picture.js";
 import { adviceFor, isEnough } from "./advice.js";
-import { chosenFrame, createFrameChoice, knownFrames } from "./calibration_frames.js";
+import { chosenFrame, createFrameChoice, knownFrames, unusableNotes } from "./calibration_frames.js";
 import { poseHint } from "./poses.js";
 import { addressOf, note, way } from "./steps.js";
 
@@ -28,10 +28,10 @@ export function createPlace(context) {
   let frame = null;
 
   async function open() {
-    const frames = await knownFrames(context);
+    const { frames, unusable } = await knownFrames(context);
     frame = chosenFrame(frames);
     fill(pose, poseHint(context));
-    if (frames.length > 1) fill(choice, createFrameChoice(context, frames, (one) => (frame = one)).element);
+    fill(choice, frames.length > 1 && createFrameChoice(context, frames, (one) => (frame = one)).element, ...unusableNotes(unusable));
   }
 
   /** @param {string} state of a device that gives no picture */

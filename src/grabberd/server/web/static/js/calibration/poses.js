@@ -5,9 +5,10 @@ import { latestJob } from "./latest_job.js";
 import { note } from "./steps.js";
 
 /** @import { Context } from "../core/context.js" */
-/** @import { Identification } from "types/documents" */
+/** @import { Identification, TargetMark } from "types/documents" */
 
 const POSES = "calibration.poses";
+const MARKS = "calibration.marks";
 export const MOST_POSES = 16;
 
 /** Captures of the poses taken so far, the oldest first. @param {Context} context @returns {string[]} */
@@ -36,6 +37,18 @@ export function removePose(context, id) {
 
 export function forgetPoses() {
   keep(POSES, null);
+  keep(MARKS, null);
+}
+
+/** Targets that somebody has named in a capture's picture. @param {string} id @returns {TargetMark[]} */
+export function marksOf(id) {
+  const all = /** @type {Record<string, TargetMark[]> | null} */ (kept(MARKS));
+  return all && Array.isArray(all[id]) ? all[id] : [];
+}
+
+/** @param {string} id @param {TargetMark[]} marks */
+export function keepMarks(id, marks) {
+  keep(MARKS, { .../** @type {object | null} */ (kept(MARKS)), [id]: marks });
 }
 
 /** @param {Context} context @param {string[]} captures */

@@ -6,6 +6,7 @@ import { activate } from "./activate.js";
 import { sigma } from "./judge.js";
 import { forgetPoses } from "./poses.js";
 import { addressOf, forget, note, way } from "./steps.js";
+import { createValidity } from "./validity.js";
 import { rigTable, verdictCard } from "./verdict.js";
 
 /** @import { Context } from "../core/context.js" */
@@ -17,6 +18,8 @@ export function createReview(context, id) {
   const path = /** @type {const} */ (`/calibrations/${encodeURIComponent(id)}`);
   const element = el("div", { class: "stack" });
   let ended = false;
+  /** @type {ReturnType<typeof createValidity> | null} */
+  let validity = null;
 
   async function open() {
     const { calibrations } = await api.get("/calibrations?limit=500");
@@ -24,7 +27,8 @@ export function createReview(context, id) {
     const report = row?.capture ? await reportOf() : null;
     if (ended) return;
     if (!row) return fill(element, note("bad", t("calibration.review.gone")), way("#calibration", t("calibration.overview")));
-    fill(element, report?.acceptance ? verdictCard(context, report) : note("idle", t("calibration.review.noReport")), factsOf(row, report), report?.acceptance && rigTable(context, report.acceptance), decide(row));
+    validity = report?.validity ? createValidity(context, report.validity) : null;
+    fill(element, report?.acceptance ? verdictCard(context, report) : note("idle", t("calibration.review.noReport")), factsOf(row, report), report?.acceptance && rigTable(context, report.acceptance), validity?.element, decide(row));
   }
 
   /** One that was made here has a report, as long as nobody has taken it away. */
@@ -103,5 +107,11 @@ export function createReview(context, id) {
   }
 
   open().catch(context.refused);
-  return { element, unmount: () => void (ended = true) };
+  return {
+    element,
+    unmount() {
+      ended = true;
+      validity?.unmount();
+    },
+  };
 }

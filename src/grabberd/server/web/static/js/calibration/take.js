@@ -3,7 +3,7 @@ import { newKey, statusOf } from "../core/api.js";
 import { el, fill, setText, symbol } from "../core/dom.js";
 import { keep, kept } from "../core/kept.js";
 import { deviceOf, rateOf } from "../core/store.js";
-import { chosenFrame, createFrameChoice, knownFrames } from "./calibration_frames.js";
+import { chosenFrame, createFrameChoice, knownFrames, unusableNotes } from "./calibration_frames.js";
 import { addressOf, note, way } from "./steps.js";
 
 /** @import { Context } from "../core/context.js" */
@@ -39,9 +39,9 @@ function createRequest(context) {
   let frame = null;
 
   async function open() {
-    const frames = await knownFrames(context);
+    const { frames, unusable } = await knownFrames(context);
     frame = chosenFrame(frames);
-    fill(choice, createFrameChoice(context, frames, (one) => (frame = one)).element);
+    fill(choice, createFrameChoice(context, frames, (one) => (frame = one)).element, ...unusableNotes(unusable));
     show();
   }
 

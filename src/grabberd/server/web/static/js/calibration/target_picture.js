@@ -17,10 +17,12 @@ export function createTargetPicture(name, columns, label) {
   const width = columns.end_column - columns.first_column;
   const canvas = el("canvas", { class: "target-picture", role: "img", "aria-label": label });
   canvas.style.aspectRatio = `${width} / ${LINES}`;
+  const element = el("div", { class: "target-canvas" }, canvas);
   const image = new Image();
   /** @type {{rows: Identification["picture"], view: IdentifiedView} | null} */
   let shown = null;
   let names = true;
+  let asked = false;
 
   /** @param {string} address of the field's picture @param {Identification["picture"]} rows @param {IdentifiedView} view */
   function show(address, rows, view) {
@@ -40,7 +42,7 @@ export function createTargetPicture(name, columns, label) {
     to.imageSmoothingEnabled = true;
     to.drawImage(image, 0, y0 - (y_step - 1) / 2, image.naturalWidth, image.naturalHeight * y_step);
     to.translate(0.5, 0.5); // the centre of the first pixel is 0, 0
-    mark(to, shown.view, devicePixelRatio / scale);
+    if (!asked) mark(to, shown.view, devicePixelRatio / scale);
   }
 
   /** @param {CanvasRenderingContext2D} to @param {IdentifiedView} view @param {number} unit how many frame pixels one pixel of the page is */
@@ -62,14 +64,30 @@ export function createTargetPicture(name, columns, label) {
   const resized = new ResizeObserver(draw);
   resized.observe(canvas);
   return {
-    element: canvas, show,
+    element, show,
     /** @param {boolean} on */
     name(on) {
       names = on;
       draw();
     },
+    /** Offers the places where a target may be, each a button. @param {ImagePosition[]} places @param {string} label @param {(place: ImagePosition) => void} picked */
+    ask(places, label, picked) {
+      asked = true;
+      element.append(...places.map((place) => {
+        const button = el("button", { class: "target-place", type: "button", data: { do: "name-target" }, "aria-label": label, on: { click: () => picked(place) } });
+        button.style.insetInlineStart = `${(100 * (place.x_px + 0.5 - columns.first_column)) / width}%`;
+        button.style.insetBlockStart = `${(100 * (place.y_px + 0.5)) / LINES}%`;
+        button.style.maxInlineSize = `${(100 * apart(places, width)) / width}%`;
+        return button;
+      }));
+    },
     unmount: () => resized.disconnect(),
   };
+}
+
+/** The least distance between places, so that no button lies on another. @param {ImagePosition[]} places @param {number} most */
+function apart(places, most) {
+  return Math.min(most, ...places.flatMap((one, i) => places.slice(i + 1).map((other) => Math.hypot(one.x_px - other.x_px, one.y_px - other.y_px))));
 }
 
 /** @param {CanvasRenderingContext2D} to @param {ImagePosition[]} places @param {string} colour @param {number} unit */

@@ -10,7 +10,7 @@ import { createJob } from "../jobs/job.js";
 
 const SHOWN = 6;
 /** @type {Partial<Record<Rig["verdict"], [string, string]>>} level and symbol */
-const RIG = { fits: ["good", "ok"], doubtful: ["warn", "warn"], moved: ["bad", "bad"], unmatched: ["bad", "bad"] };
+const RIG = { fits: ["good", "ok"], corrected: ["good", "ok"], doubtful: ["warn", "warn"], moved: ["bad", "bad"], unmatched: ["bad", "bad"] };
 
 /** @param {Context} context @param {() => void} again the capture is to be looked at anew */
 export function createRuns(context, again) {

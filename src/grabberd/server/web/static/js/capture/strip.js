@@ -43,7 +43,14 @@ export function createStrip(context, choose) {
   /** Whole fields as ground, the others over it, none too narrow to be seen. @param {Capture} capture */
   function segments(capture) {
     const others = capture.ledger.entries.map((entry) => rect(entry.first_n, Math.max(entry.count, total * LEAST), entry.outcome));
-    return [rect(0, total, "received"), ...others];
+    return [rect(0, total, "received"), ...others, ...unlisted(capture)];
+  }
+
+  /** What lies behind the entries that are listed, if there are more. @param {Capture} capture */
+  function unlisted({ ledger: { entries, entries_not_listed } }) {
+    const last = entries.at(-1);
+    const end = last ? last.first_n + last.count : 0;
+    return entries_not_listed ? [rect(end, total - end, "unlisted")] : [];
   }
 
   /** Marks of changes of what numbers and times go by. @param {Capture} capture */
@@ -61,7 +68,8 @@ export function createStrip(context, choose) {
     const { entries, events: changes } = capture.ledger;
     const lost = entries.map((entry) => line(entry.first_n, `${entryIn(context, entry, periodOf(capture))}: ${reasonIn(context, entry.reason)}`));
     const lines = [...lost, ...changes.map((event) => line(event.n, eventIn(context, event, periodOf(capture))))];
-    const rest = lines.length - LISTED;
+    const { entries_not_listed = 0, events_not_listed = 0 } = capture.ledger;
+    const rest = Math.max(lines.length - LISTED, 0) + entries_not_listed + events_not_listed;
     return rest > 0 ? [...lines.slice(0, LISTED), el("li", { class: "muted" }, tn("capture.moreEntries", rest))] : lines;
   }
 

@@ -141,7 +141,8 @@ export function ledgerIn(context, capture, most = 2) {
   const { entries, complete } = capture.ledger;
   if (complete) return context.t("captures.ledger.complete");
   if (!entries.length) return context.t("captures.ledger.empty");
-  const rest = entries.slice(most).reduce((sum, entry) => sum + entry.count, 0);
+  const said = entries.slice(0, most).reduce((sum, entry) => sum + entry.count, 0);
+  const rest = totalOf(capture) - (capture.ledger.counts.received ?? 0) - said;
   const words = entries.slice(0, most).map((entry) => entryIn(context, entry, periodOf(capture)));
   return [...words, ...(rest ? [context.tn("captures.ledger.more", rest)] : [])].join(", ");
 }

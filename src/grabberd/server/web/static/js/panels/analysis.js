@@ -5,6 +5,7 @@ import { createResults } from "../analysis/results.js";
 import { labelsIn } from "../captures/words.js";
 import { statusOf } from "../core/api.js";
 import { el, fill, symbol } from "../core/dom.js";
+import { everyPage } from "../core/pages.js";
 
 /** @import { Known } from "../core/store.js" */
 /** @import { PanelContext } from "./index.js" */
@@ -36,8 +37,8 @@ export const panel = {
       const mine = ++turn;
       missed = false;
       try {
-        const [capture, { analyses }] = await Promise.all([api.get(path), api.get(`${path}/analyses`)]);
-        if (mine === turn) show(capture, analyses);
+        const [capture, pages] = await Promise.all([api.get(path), everyPage((query) => api.get(`${path}/analyses?${query}`))]);
+        if (mine === turn) show(capture, pages.flatMap((page) => page.analyses));
       } catch (problem) {
         if (mine === turn) refused(problem);
       }

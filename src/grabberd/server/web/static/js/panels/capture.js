@@ -6,6 +6,7 @@ import { createKeep } from "../capture/keep.js";
 import { createLabels } from "../capture/labels.js";
 import { createRuns } from "../capture/runs.js";
 import { sampleOf } from "../capture/sample.js";
+import { captureWithLedger } from "../capture/ledger.js";
 import { createStrip } from "../capture/strip.js";
 import { atRest } from "../captures/words.js";
 import { statusOf } from "../core/api.js";
@@ -33,6 +34,8 @@ export const panel = {
     const downloads = createDownloads(context);
     const analyses = createAnalyses(context);
     const fields = el("section", { class: "card stack" }, el("h2", {}, t("capture.fields")), el("p", { class: "muted" }, t("capture.fieldsHint")), strip.element);
+    // Nothing can be pressed before it is known of which capture, and in which state that is.
+    const parts = el("div", { class: "capture-parts", hidden: true }, el("div", { class: "stack" }, fields, labels.element), el("div", { class: "stack" }, downloads.element, runs.element, analyses.element, keep.element));
     /** @type {PointSample | null} */
     let sample = null;
     /** @type {Capture | null} */
@@ -43,6 +46,7 @@ export const panel = {
     /** @param {Capture} capture */
     function show(capture) {
       shown = capture;
+      parts.hidden = false;
       clearTimeout(timer);
       for (const part of [head, strip, labels, keep]) part.show(capture);
       runs.show(capture, sample);
@@ -56,7 +60,7 @@ export const panel = {
       const mine = ++turn;
       const before = shown;
       try {
-        const capture = await api.get(path);
+        const capture = await captureWithLedger(api, path);
         if (mine !== turn) return;
         if (shown !== before) return load(); // pinned or labelled meanwhile: this answer may be from before
         show(capture);
@@ -76,7 +80,7 @@ export const panel = {
       else context.refused(problem);
     }
 
-    element.append(head.element, el("div", { class: "capture-parts" }, el("div", { class: "stack" }, fields, labels.element), el("div", { class: "stack" }, downloads.element, runs.element, analyses.element, keep.element)));
+    element.append(head.element, parts);
     load();
     return {
       unmount() {

@@ -1,4 +1,5 @@
 // A capture replayed, at an address that says at which field.
+import { captureWithLedger } from "../capture/ledger.js";
 import { createStrip } from "../capture/strip.js";
 import { atRest, labelsIn, periodOf } from "../captures/words.js";
 import { statusOf } from "../core/api.js";
@@ -54,7 +55,7 @@ export const panel = {
       const mine = ++turn;
       clearTimeout(timer);
       try {
-        const now = await api.get(pathOf(id));
+        const now = await captureWithLedger(api, pathOf(id));
         if (mine !== turn) return;
         const labels = labelsIn(context, now);
         fill(title, t("replay.of", { when: format.moment(now.created_utc) }), labels && ` · ${labels}`);

@@ -1,12 +1,11 @@
 // Every profile by its newest version, kind by kind.
 import { el, fill } from "../core/dom.js";
+import { everyPage } from "../core/pages.js";
 import { KINDS, addressOf, saidOf } from "./words.js";
 
 /** @import { Context } from "../core/context.js" */
 /** @import { ProfileRow } from "types/documents" */
 /** @import { Kind } from "./words.js" */
-
-const MOST = 500;
 
 /** @param {Context} context */
 export function createProfileList(context) {
@@ -18,15 +17,9 @@ export function createProfileList(context) {
 
   async function load() {
     const mine = ++turn;
-    /** @type {ProfileRow[]} */
-    const rows = [];
-    let cursor = "";
-    do {
-      const page = await api.get(`/profiles?limit=${MOST}&retired=${retired.checked}${cursor && `&cursor=${encodeURIComponent(cursor)}`}`).catch(context.refused);
-      if (mine !== turn || !page) return;
-      rows.push(...page.profiles);
-      cursor = page.next ?? "";
-    } while (cursor);
+    const pages = await everyPage((query) => api.get(`/profiles?${query}&retired=${retired.checked}`)).catch(context.refused);
+    if (mine !== turn || !pages) return;
+    const rows = pages.flatMap((page) => page.profiles);
     fill(place, ...KINDS.map((kind) => section(kind, rows.filter((row) => row.kind === kind))));
   }
 

@@ -2,6 +2,7 @@
 import { ApiProblem } from "../core/api.js";
 import { el, fill, symbol } from "../core/dom.js";
 import { draftOf, keepDraft, resumedNote } from "../core/drafts.js";
+import { everyPage } from "../core/pages.js";
 import { BEGINNINGS, addressOf, saidOf } from "./words.js";
 
 /** @import { PanelContext } from "../panels/index.js" */
@@ -32,12 +33,12 @@ export function createProfile(context, kind, name) {
       text.value = BEGINNINGS[kind];
       return resume();
     }
-    const [profile, listed] = await Promise.all([api.get(path), api.get(`${path}/versions`)]);
+    const [profile, listed] = await Promise.all([api.get(path), everyPage((query) => api.get(`${path}/versions?${query}`))]);
     if (ended) return;
     newest = profile.newest;
     show(profile);
     resume();
-    fill(versions, ...listed.versions.map(item));
+    fill(versions, ...listed.flatMap((page) => page.versions).map(item));
   }
 
   /** @param {Profile} profile */

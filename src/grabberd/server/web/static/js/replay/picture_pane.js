@@ -124,7 +124,7 @@ export function createPicturePane(context, captureOf, viewsOf) {
     const { outcome, reason } = outcomeOf(captureOf(), now.n);
     const sentence = () => {
       if (now.problem) return now.problem instanceof ApiProblem && now.problem.status ? t("replay.picture.unreadable", { reason: now.problem.detail }) : t("replay.picture.noAnswer");
-      if (outcome !== "received") return `${t(`capture.isNot.${outcome}`)} ${reasonIn(context, reason)}.`;
+      if (outcome !== "received" && outcome !== "unlisted") return `${t(`capture.isNot.${outcome}`)} ${reasonIn(context, reason)}.`;
       if (!now.settled) return t("replay.picture.coming", { n: now.n });
       return now.picture ? "" : t("replay.picture.none");
     };

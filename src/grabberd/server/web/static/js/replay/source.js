@@ -2,6 +2,7 @@
 import { column, hasAny } from "../analysis/tables.js";
 import { periodOf, totalOf } from "../captures/words.js";
 import { ApiProblem } from "../core/api.js";
+import { everyPage } from "../core/pages.js";
 import { frustaOf } from "../scene/frustum.js";
 import { gridOf } from "../scene/grid.js";
 import { REACH_MM } from "../scene/live_source.js";
@@ -38,7 +39,9 @@ export function readableOf(capture) {
 /** Outcome of a field, and its reason. @param {Capture} capture @param {number} n */
 export function outcomeOf(capture, n) {
   const found = capture.ledger.entries.find((entry) => entry.first_n <= n && n < entry.first_n + entry.count);
-  return found ?? { outcome: "received", reason: "" };
+  const last = capture.ledger.entries.at(-1);
+  const unlisted = capture.ledger.entries_not_listed && last && n >= last.first_n + last.count;
+  return found ?? { outcome: unlisted ? "unlisted" : "received", reason: "" };
 }
 
 /** @param {Api} api @param {string} id @param {number} run @returns {Promise<Measured>} */
@@ -56,8 +59,8 @@ export async function openRun(api, id, run) {
 
 /** Its newest analysis that succeeded; null without one. @param {Api} api @param {string} id @returns {Promise<{row: AnalysisRow, document: Analysis} | null>} */
 export async function openAnalysis(api, id) {
-  const { analyses } = await api.get(`${pathOf(id)}/analyses`);
-  const row = analyses.find((one) => !one.problem);
+  const pages = await everyPage((query) => api.get(`${pathOf(id)}/analyses?${query}`));
+  const row = pages.flatMap((page) => page.analyses).find((one) => !one.problem);
   return row ? { row, document: await api.get(`${pathOf(id)}/analyses/${row.analysis}`) } : null;
 }
 

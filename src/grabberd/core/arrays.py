@@ -1,0 +1,8 @@
+"""The kinds of arrays that all rooms pass to each other."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+Indices = NDArray[np.intp]
+Mask = NDArray[np.bool_]

@@ -1,8 +1,0 @@
-"""The kinds of arrays that the liner's rooms pass to each other."""
-
-import numpy as np
-from numpy.typing import NDArray
-
-Array = NDArray[np.float64]
-Indices = NDArray[np.intp]
-Mask = NDArray[np.bool_]
