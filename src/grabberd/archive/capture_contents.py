@@ -189,8 +189,8 @@ def _is_still(path: Path, identity: _Identity) -> bool:
 log = logging.getLogger(__name__)
 
 LIMITS = Limits(niceness=10, data_bytes=700_000_000)
-"""Limits of the process: memory for eight of the largest answers, 200 000 points as JSON of 50 MB each, and
-the stacks of as many threads."""
+"""Limits of the process: memory for eight of the largest answers, 200 000 points as JSON of 50 MB each, twice
+as many as are made at a time unless the configuration asks for more."""
 _KEPT = KeptReaders()
 _RANDOM_ACCESS: tuple[Callable[..., Any], ...] = (
     *(points_json, field_png, thumbnail_png, channels_json),

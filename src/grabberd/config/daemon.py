@@ -180,7 +180,7 @@ class HttpLimits(Section):
     )
     connections: int = Field(256, ge=4, le=10_000, description="maximum number of connections of all clients")
     reads: int = Field(
-        8, ge=1, le=64, description="maximum number of requests that read captures at the same time"
+        4, ge=1, le=64, description="maximum number of requests that read captures at the same time"
     )
     read_timeout_s: float = Field(
         30.0,

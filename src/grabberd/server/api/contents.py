@@ -31,7 +31,7 @@ from grabberd.work.child import Limits
 from grabberd.work.frames import HEAD, NUMBER, Answer, Call, Frame, Question, unpacked_error
 from grabberd.work.process import start
 
-WAITING_A_THREAD = 4
+WAITING_A_THREAD = 9
 """Reads that may wait per thread: a page makes several requests at once."""
 RETRY_S = 2
 
