@@ -21,11 +21,14 @@ PAGE_TYPES := src/grabberd/server/web/types/openapi.d.ts
 PAGE_SOURCES = $(shell find src/grabberd/server/web/static/js src/grabberd/server/web/types tests/server/web/types -type d -o -name '*.js' -o -name '*.ts')
 SITE := src/grabberd/server/web/site/index.html
 SITE_SOURCES = README.md CHANGELOG.md $(shell find docs src/grabberd/library -name '*.md' -o -name '*.ipynb' -o -name '*.py' -o -name '*.png' -o -name '*.svg')
-# Tests of the virtual machine that need the package; all others need none.
+# Tests of the virtual machine by what they need: the Debian package, the installed service, or the driver alone.
 OF_PACKAGE := test_deb.py test_first_day.py
+OF_SERVICE := $(notdir $(wildcard tests/proofs/vm/test_service_*.py))
+OF_DRIVER := $(filter-out $(OF_PACKAGE) $(OF_SERVICE),$(notdir $(wildcard tests/proofs/vm/test_*.py)))
+IN_VM = OPENBLAS_NUM_THREADS=1 $(BIN)/python -m pytest $(addprefix tests/proofs/vm/,$(1)) $(if $(WRITE),--write-tables)
 ONE_THREAD := OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 MKL_NUM_THREADS=1
 
-.PHONY: help run test check check-page types npm pytest test-affected test-browser test-installed browser mosquitto ffmpeg promtool screenshots test-vm test-wheel test-pythons sizes test-install test-deb test-vm-deb test-container wheel sdist deb check-units install rollback uninstall bundle bench profile measured soak soak-clients soak-load soak-faults armour hostile faults fuzz setups footage audit world house walls docs site format lock clean
+.PHONY: help run test check check-page types npm pytest test-affected test-browser test-installed browser mosquitto ffmpeg promtool screenshots test-vm test-vm-driver test-vm-service test-wheel test-pythons sizes test-install test-deb test-vm-deb test-container wheel sdist deb check-units install rollback uninstall bundle bench profile measured soak soak-clients soak-load soak-faults armour hostile faults fuzz setups footage audit world house walls docs site format lock clean
 
 help:  ## this list
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/^([a-z-]+):.*## /  make \1\t/' | expand -t 20
@@ -101,11 +104,18 @@ promtool:
 npm:
 	$(call installed,npm,npm,the page's types are NOT checked)
 
+# A machine that keeps time has one processor, so two of them leave none idle.
 test-vm: $(READY)  ## driver and service under a real kernel and systemd, in a virtual machine (WRITE=1: results into docs/)
-	OPENBLAS_NUM_THREADS=1 $(BIN)/python -m pytest tests/proofs/vm $(addprefix --ignore=tests/proofs/vm/,$(OF_PACKAGE)) $(if $(WRITE),--write-tables)
+	@$(MAKE) --no-print-directory --jobs 2 --output-sync=target test-vm-driver test-vm-service
+
+test-vm-driver: $(READY)  ## the driver alone, before the kernel's own and emulated devices
+	$(call IN_VM,$(OF_DRIVER))
+
+test-vm-service: $(READY)  ## the installed service alone
+	$(call IN_VM,$(OF_SERVICE))
 
 test-vm-deb: deb  ## the Debian package in the same machine: installed, captures, purged; a new user's first day with it (WRITE=1: into docs/)
-	OPENBLAS_NUM_THREADS=1 $(BIN)/python -m pytest $(addprefix tests/proofs/vm/,$(OF_PACKAGE)) $(if $(WRITE),--write-tables)
+	$(call IN_VM,$(OF_PACKAGE))
 
 test-wheel: wheel sdist  ## install wheel and source archive, with a compiler and without, into an empty environment; capture there
 	@! ls $(WHEELS)/grabberd-*abi3*.whl >/dev/null 2>&1 || $(BIN)/abi3audit --strict $(WHEELS)/grabberd-*.whl

@@ -110,11 +110,11 @@ def cached_image() -> Image:
     Raises:
         MissingPackages: the rights do not suffice to install them, or to build.
     """
-    host.provide_packages()
     cache = cache_folder()
     cache.mkdir(parents=True, exist_ok=True)
     image = Image(cache / stamp())
     with _alone(cache):
+        host.provide_packages()
         if not image.disk.exists():
             _build(cache, image)
             _forget_others(cache, image)
