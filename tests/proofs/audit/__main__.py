@@ -36,8 +36,8 @@ the program's own; pictures are numbers. What is true is kept apart. What is sai
   late, it may be late by that.
 - A loss is blamed on what has cost fields there. A driver needs a free buffer when a field begins; one that
   is lost less than .4 periods after all were full may be blamed on that, too. Only its length tells silence
-  of the grabber, or of a camera that is away for less than the time in which it is asked for, from losses on
-  the bus.
+  of the grabber, of a camera that is away for less than the time in which it is asked for, or of a computer
+  that stands for less than three fields, from losses on the bus.
 - Events say only what has happened: the count has restarted, the clock was set, the phase has changed.
 - An old or damaged picture does not pass for intact, nor an intact one for damaged.
 

@@ -162,6 +162,8 @@ class Buffer(NamedTuple):
 
 _EDGE = 0.4
 """Periods after all buffers were full within which a field that is lost may as well have found none."""
+_REQUEST = 3
+"""Periods for which the program waits for a field, and half of one that passes unnoticed."""
 _WARMS_S, _WANDERS_S, _HOST_MS = 60.0, 47.0, 0.3
 _SOURCE_FLAGS = {"soe": abi.BUF_FLAG_TSTAMP_SRC_SOE, "copy": 0x4000, "unknown": 0}
 
@@ -295,8 +297,10 @@ class Driver:
             return DEVICE
         if any(at_s in one for one in w.dark):
             return CAMERA
-        if any(at_s in one for one in w.stands):
-            return COMPUTER
+        if stood := [one for one in w.stands if at_s in one]:
+            # Within one request, nothing tells it from a grabber that sends nothing.
+            in_a_request = all(one.end_s - one.begin_s < _REQUEST / w.rate_hz for one in stood)
+            return COMPUTER | CABLE if in_a_request else COMPUTER
         return CABLE if loss else None
 
     def _step_count(self, first: int, at_s: float, unnoticed: bool) -> None:

@@ -114,6 +114,7 @@ class FieldNumbering:
         self.returned_ns: int | None = None
         self.of_driver: Standstill | None = None
         self._stood: Standstill | None = None
+        self._blamed: Standstill | None = None
         self._after_it = self._held_by = 0
         self._waited = self._uncertain_by = 0
 
@@ -384,13 +385,13 @@ class FieldNumbering:
             self._held_by = 0
         if standstill is not None:
             by_computer = self._arrivals.lost_to_full_buffers(pending.arrival, time_ns, lost)
-        if (of_driver := pending.of_driver) is not None and of_driver is self._stood:
+        if (of_driver := pending.of_driver) is not None and of_driver is not self._blamed:
             in_turn, due = self._arrivals.in_turn, of_driver.time_ns / self._pace.period_ns
             shortest = due - in_turn if pending.may_be_held else max(due - 1, _LONG)
             # As well as one that had begun before it.
             by_it = min(lost, (math.ceil(due / in_turn) + 1) * in_turn)
             if lost >= shortest - _OF_STANDSTILL and by_it > by_computer:
-                by_computer, standstill, self._stood = by_it, of_driver.reason, None
+                by_computer, standstill, self._blamed = by_it, of_driver.reason, of_driver
                 # Its own buffer may have been held up, and stamped afterwards: then they are missing behind.
                 self._held_by = lost if pending.may_be_held else 0
         return lost_before(pending, step, self._n, by_computer, standstill)
