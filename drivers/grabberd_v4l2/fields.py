@@ -66,11 +66,13 @@ class LaidField(NamedTuple):
         luma: (field_rows, columns) uint8, often a view into the buffer.
         parity: `TOP`, `BOTTOM` or `PROGRESSIVE`.
         age_steps: Age relative to the newest field in the buffer, in field periods: 0 or 1.
+        lines: Lines of the buffer that are its rows.
     """
 
     luma: NDArray[np.uint8]
     parity: int
     age_steps: int
+    lines: slice
 
     @property
     def field(self) -> Field:
@@ -157,7 +159,9 @@ class Layout:
         parts = self._parts.get(buffer_field) or self._parts.get(Arrangement.ANY)
         if parts is None:
             raise _no_parity(self.granted, buffer_field)
-        return tuple(LaidField(self._luma(buffer, part.rows), *part[1:]) for part in parts)
+        return tuple(
+            LaidField(self._luma(buffer, part.rows), part.parity, part.age_steps, part.rows) for part in parts
+        )
 
     def _luma(self, buffer: NDArray[np.uint8], rows: slice) -> NDArray[np.uint8]:
         granted = self.granted
@@ -249,6 +253,8 @@ def _refused(granted: Granted, what: str, hint: str) -> DeviceRefused:
 # Scheduling and USB batches of up to 8 ms delay a buffer's arrival in this process.
 _ARRIVAL_SIGMA_NS = 5_000_000
 _WRAP = 2**32
+_GAP = 1.5
+"""Times from buffer to buffer after which one is missing."""
 
 
 class Stamp(NamedTuple):
@@ -290,6 +296,7 @@ class FieldTimes:
 
     Attributes:
         sigma_ns: Standard deviation of a field's time.
+        follows_gap: True if a buffer is missing before the last one that `handed_back` was called for.
 
     Raises:
         DeviceRefused: The exposure is longer than the time from field to field.
@@ -312,6 +319,7 @@ class FieldTimes:
         self.sigma_ns = round(math.hypot(unknown_ns, stamp_ns))
         self._count: int | None = None
         self._last_ns: int | None = None
+        self.follows_gap = False
 
     def handed_back(self, stamp: Stamp) -> bool:
         """True if a buffer was returned without a field; to be called for each buffer, in order.
@@ -320,6 +328,10 @@ class FieldTimes:
         first of them counts for the missing field.
         """
         before_ns, self._last_ns = self._last_ns, stamp.time_ns
+        buffers = (
+            0.0 if before_ns is None else (stamp.time_ns - before_ns) / self._period_ns / self._per_buffer
+        )
+        self.follows_gap = buffers > _GAP
         flagged = bool(stamp.flags & abi.BUF_FLAG_ERROR)
         return flagged and before_ns is not None and abs(stamp.time_ns - before_ns) < self._period_ns // 2
 

@@ -7,20 +7,23 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
+from grabberd.core.ledger import OF_FRAME_BEFORE
 from grabberd.errors import Cause, DeviceLost, DeviceRefused, StreamFailed
 from grabberd.instrument.acquisition.device import SYSTEM, GrabbedField, Roots, Signal, StreamInfo, Verdict
 from grabberd_v4l2 import abi, formats
 from grabberd_v4l2.abi import Arrangement
 from grabberd_v4l2.devices import find_node, node_at, video_nodes
 from grabberd_v4l2.discovery import remarks_on, reset_of
-from grabberd_v4l2.fields import FieldTimes, Granted, Layout
+from grabberd_v4l2.fields import FieldTimes, Granted, LaidField, Layout
 from grabberd_v4l2.formats import FORMATS, JpegLuma, Scan
+from grabberd_v4l2.marks import Marks, stale
 from grabberd_v4l2.negotiation import capture_node, negotiate, picture_bytes
 from grabberd_v4l2.node import Kernel, LinuxKernel, Node
 from grabberd_v4l2.options import V4l2Options
 from grabberd_v4l2.profiles import Profile, Profiles, SignalSource
 from grabberd_v4l2.stream import Filled, Stream, opening, restarting
 
+FLAGGED = "the driver flags an error"
 _NO_SIGNAL = abi.IN_ST_NO_POWER | abi.IN_ST_NO_SIGNAL | abi.IN_ST_NO_H_LOCK
 # Time for a decoder to lock.
 _RECHECK_NS = 250_000_000
@@ -130,7 +133,9 @@ class _Running:
     layout: Layout
     times: FieldTimes
     watch: Watch
+    profile: Profile
     jpeg: JpegLuma | None
+    marks: Marks | None
     whole_bytes: int
     info: StreamInfo
 
@@ -273,10 +278,11 @@ class V4l2Grabber:
         times = FieldTimes(layout, profile, self.options.exposure_ns)
         jpeg = JpegLuma(granted.lines, granted.columns) if FORMATS[granted.fourcc].is_compressed else None
         whole_bytes = picture_bytes(granted)
-        stream = Stream(node, self.options.buffers, whole_bytes)
+        marks = Marks.of(granted)
+        stream = Stream(node, self.options.buffers, whole_bytes, marks)
         layout = replace(layout, granted=replace(granted, buffers=stream.buffers))
         info = stream_info(layout, profile, times, watch.tells, node.path, remarks)
-        return _Running(stream, layout, times, watch, jpeg, whole_bytes, info)
+        return _Running(stream, layout, times, watch, profile, jpeg, marks, whole_bytes, info)
 
     def _streaming(self) -> _Running:
         if self._node is None:
@@ -316,14 +322,32 @@ def _fields(running: _Running, filled: Filled) -> list[GrabbedField]:
         return []  # a damaged field without parity counts as lost, which the time gap shows
     times = running.times.of(filled.stamp, laid)
     return [
-        GrabbedField(one.field, time.time_ns, time.sequence, damage)
-        for one, time in zip(laid, times, strict=True)
+        GrabbedField(one.field, time.time_ns, time.sequence, found)
+        for one, time, found in zip(laid, times, _damages(running, filled, laid, damage), strict=True)
     ]
+
+
+def _damages(
+    running: _Running, filled: Filled, laid: Sequence[LaidField], damage: str | None
+) -> Iterator[str | None]:
+    """What is wrong with each field of a buffer, given what is wrong with all of it."""
+    gaps = None if running.marks is None else running.marks.gaps(filled.picture)
+    profile = running.profile
+    # Where the gaps are, the damage is; without any, it may be in both fields.
+    is_placed = gaps is not None and gaps.any() and (damage != FLAGGED or profile.flags_gaps_alone)
+    for one in laid:
+        found = None if gaps is None else stale(one.field, gaps[one.lines])
+        if damage and (found or not is_placed):
+            yield damage
+        elif found or not running.times.follows_gap or one.age_steps not in profile.old_after_gap:
+            yield found
+        else:
+            yield OF_FRAME_BEFORE
 
 
 def _damage(filled: Filled, whole_bytes: int) -> str | None:
     if filled.stamp.flags & abi.BUF_FLAG_ERROR:
-        return "the driver flags an error"
+        return FLAGGED
     if filled.bytes_used < whole_bytes:
         return f"short: {filled.bytes_used} of {whole_bytes} bytes"
     return None

@@ -32,6 +32,11 @@ class Pages(Protocol):
         """(bytes,) read-only."""
         ...
 
+    @property
+    def writable(self) -> NDArray[np.uint8]:
+        """(bytes,) The same, to be written while the buffer is this process's; no view of it may be kept."""
+        ...
+
     def unmap(self) -> None:
         """Returns the memory to the kernel; may be called twice. Remaining views then show zeros."""
         ...
@@ -121,21 +126,28 @@ class _MappedPages:
     def __init__(self, fd: int, length: int, offset: int) -> None:
         self._length = length
         self._address = _map(None, length, mmap.PROT_READ | mmap.PROT_WRITE, mmap.MAP_SHARED, fd, offset)
-        self._array: NDArray[np.uint8] | None = np.asarray(_Memory(self._address, length))
+        self._writable: NDArray[np.uint8] | None = np.asarray(_Memory(self._address, length))
 
     @property
     def array(self) -> NDArray[np.uint8]:
         """(bytes,) read-only."""
-        if self._array is None:
+        array = self.writable.view()
+        array.flags.writeable = False
+        return array
+
+    @property
+    def writable(self) -> NDArray[np.uint8]:
+        """(bytes,) to be written."""
+        if self._writable is None:
             raise ValueError("the buffer is not mapped any more")
-        return self._array
+        return self._writable
 
     def unmap(self) -> None:
         """Releases the device's memory at once, and the address range with its last view."""
-        if self._array is not None:
+        if self._writable is not None:
             flags = mmap.MAP_PRIVATE | mmap.MAP_ANONYMOUS | _MAP_FIXED
             _map(self._address, self._length, mmap.PROT_READ, flags, -1, 0)
-            self._array = None
+            self._writable = None
 
 
 class _Memory:
@@ -146,7 +158,7 @@ class _Memory:
         self.__array_interface__ = {
             "shape": (length,),
             "typestr": "|u1",
-            "data": (address, True),
+            "data": (address, False),
             "version": 3,
         }
 

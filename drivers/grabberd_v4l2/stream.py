@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from grabberd.errors import Cause, DeviceAbsent, DeviceError, DeviceLost, DeviceRefused, StreamFailed
 from grabberd_v4l2 import abi
 from grabberd_v4l2.fields import Stamp
+from grabberd_v4l2.marks import Marks
 from grabberd_v4l2.node import POLL_ERR, POLL_HUP, POLL_IN, POLL_NVAL, POLL_PRI, Node, Pages
 
 GONE = frozenset({errno.ENODEV, errno.ENXIO, errno.ENOENT})
@@ -155,12 +156,18 @@ class Filled(NamedTuple):
 class Stream:
     """A node that streams into mapped buffers.
 
+    Args:
+        node: The node.
+        count: Number of buffers to ask for.
+        picture_bytes: Least size of a buffer.
+        marks: Set in every buffer before it is queued; None: none are.
+
     Attributes:
         buffers: Number of buffers.
         found_empty: True if no buffer was filled when the last `dequeue` started.
     """
 
-    def __init__(self, node: Node, count: int, picture_bytes: int) -> None:
+    def __init__(self, node: Node, count: int, picture_bytes: int, marks: Marks | None = None) -> None:
         """Allocates and queues the buffers, and starts the stream.
 
         Raises:
@@ -171,7 +178,7 @@ class Stream:
         self.found_empty = False
         self._io_errors = 0
         self._source_changed = False
-        self._buffers = Buffers(node, count, picture_bytes)
+        self._buffers = Buffers(node, count, picture_bytes, marks)
         self.buffers = len(self._buffers)
         try:
             self._start()
@@ -318,7 +325,7 @@ class Buffers:
     A buffer refused by the kernel is kept and offered again, so that the queue cannot run dry unnoticed.
     """
 
-    def __init__(self, node: Node, count: int, picture_bytes: int) -> None:
+    def __init__(self, node: Node, count: int, picture_bytes: int, marks: Marks | None = None) -> None:
         """Allocates the buffers and maps them.
 
         Raises:
@@ -326,6 +333,7 @@ class Buffers:
             OSError: The kernel refused a call; buffers allocated so far are released.
         """
         self._node = node
+        self._marks = marks
         self._pages: list[Pages] = []
         self._idle: set[int] = set()
         self._taken: set[int] = set()
@@ -358,6 +366,8 @@ class Buffers:
         """Queues all idle buffers; returns the kernel's last refusal, if any."""
         refusal = None
         for index in sorted(self._idle):
+            if self._marks is not None:
+                self._marks.put(self._pages[index].writable)
             try:
                 self._node.queue(index)
                 self._idle.discard(index)

@@ -47,7 +47,9 @@ class Profile(BaseModel):
         trusts_sequence: True if the driver's count grows when a field is lost.
         trusts_time: True if the driver timestamps buffers at the end of their last field.
         time_sigma_ms: Standard deviation of the timestamps.
-        trusts_flags: True if damaged pictures are flagged; otherwise only their content shows damage.
+        flags_gaps_alone: True if a flagged picture lacks parts, and nothing else is wrong with it.
+        after_gap: "older" or "both": fields of the first woven frame after a gap that may be of the frame
+            before, since the driver did not see where that ended.
         signal_source: Query that reports a missing camera.
         verdict: Verdict on the driver.
         remarks: Reasons for the verdict, as sentences.
@@ -68,7 +70,8 @@ class Profile(BaseModel):
     trusts_sequence: bool = False
     trusts_time: bool = True
     time_sigma_ms: float = Field(3.0, gt=0, le=40)
-    trusts_flags: bool = False
+    flags_gaps_alone: bool = False
+    after_gap: str | None = Field(None, pattern="^(older|both)$")
     signal_source: SignalSource = SignalSource.NONE
     verdict: Verdict = Verdict.USABLE
     remarks: tuple[str, ...] = ()
@@ -79,6 +82,11 @@ class Profile(BaseModel):
     def older_parity(self) -> int | None:
         """`TOP` or `BOTTOM`: the older field of a woven frame; None: as defined by the standard."""
         return None if self.older is None else PARITIES[self.older]
+
+    @property
+    def old_after_gap(self) -> tuple[int, ...]:
+        """Ages in a frame, in field periods, of the fields that `after_gap` names."""
+        return {None: (), "older": (1,), "both": (0, 1)}[self.after_gap]
 
     @field_validator("field_orders", mode="before")
     @classmethod

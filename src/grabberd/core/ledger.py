@@ -113,6 +113,9 @@ class LedgerEntry(NamedTuple):
 NO_SIGNAL = "no signal"
 """Reason for fields that are empty or missing because no camera was connected."""
 
+OF_FRAME_BEFORE = "may be of the frame before"
+"""Reason for fields after a gap of which the driver cannot tell."""
+
 UNCERTAIN = "number uncertain by up to"
 """Reason for fields whose number may be wrong, before the number of fields that it may be off by."""
 
@@ -386,6 +389,7 @@ _BY_REASON = (
     ("sequence gap", LossCause.CABLE),
     ("repeated parity", LossCause.CABLE),
     ("the driver flags an error", LossCause.CABLE),
+    (OF_FRAME_BEFORE, LossCause.CABLE),
     ("short:", LossCause.CABLE),
     ("parity contradicts time", LossCause.CAMERA),
     (UNCERTAIN, LossCause.UNKNOWN),

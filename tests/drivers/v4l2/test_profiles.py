@@ -101,7 +101,7 @@ def test_of_a_driver_that_nobody_knows_little_is_believed():
     profile = BUILT_IN.of("brandnew")
     assert profile.driver == "brandnew"
     assert profile.verdict is Verdict.DOUBTFUL
-    assert (profile.trusts_sequence, profile.trusts_flags) == (False, False)
+    assert not profile.trusts_sequence
     assert (profile.older_parity, profile.signal_source) == (None, SignalSource.NONE)
 
 
@@ -131,7 +131,7 @@ def test_a_card_known_by_another_name_is_overridden_by_that_name_too(tmp_path):
 def test_an_installer_may_describe_one_device_of_a_driver(tmp_path):
     profiles = load(tmp_path, mine="driver: uvcvideo 1234:5678\ntrusts_sequence: false\n")
     assert not profiles.of("uvcvideo", "1234:5678").trusts_sequence
-    assert profiles.of("uvcvideo", "1234:5678").trusts_flags
+    assert profiles.of("uvcvideo", "1234:5678").field_orders == BUILT_IN.of("uvcvideo").field_orders
     assert profiles.of("uvcvideo", "046d:0825").trusts_sequence
 
 

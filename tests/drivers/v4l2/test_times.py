@@ -38,7 +38,7 @@ def layout_of(arrangement=Arrangement.INTERLACED, older=TOP):
 
 
 def laid(*ages, parity=TOP):
-    return [LaidField(np.zeros((1, 1), np.uint8), parity, age) for age in ages]
+    return [LaidField(np.zeros((1, 1), np.uint8), parity, age, slice(None)) for age in ages]
 
 
 def stamp(time_ns=START_NS, flags=MONOTONIC, sequence=0, arrival_ns=START_NS + MS):

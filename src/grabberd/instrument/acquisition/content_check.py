@@ -243,7 +243,10 @@ class ContentCheck:
         self._start((0, 0))
 
     def take(self, grabbed: GrabbedField, packing: Packing) -> tuple[Content, PackedField]:
-        """Check and pack one field; the packed one shares no memory with it."""
+        """Check and pack one field; the packed one shares no memory with it.
+
+        One that the driver says is damaged is no reference for others, and not searched for more damage.
+        """
         field = grabbed.field
         if field.luma.shape != self._shape:
             self._start((field.rows, field.columns))
@@ -254,11 +257,17 @@ class ContentCheck:
             else self._look_by_kernel(self._kernel, field, copy, packing)
         )
         self._count(look.made_up)
-        content = (
-            Content(look.made_up) if look.made_up else Content(damage=self._damage(copy, look.stale, field))
-        )
-        self._remember(copy, field.parity, content)
+        content = self._found(copy, look, grabbed)
+        self._remember(copy, field.parity, content, is_reference=grabbed.damage is None)
         return content, look.packed
+
+    def _found(self, copy: _Copy, look: _Look, grabbed: GrabbedField) -> Content:
+        if look.made_up:
+            return Content(look.made_up)
+        self._stale.remember()
+        if look.stale == (0, grabbed.field.rows - 1):
+            return Content(damage=REPEATED)
+        return Content(damage=None if grabbed.damage else self._damage(copy, look.stale, grabbed.field))
 
     def _look_by_kernel(self, kernel: Kernel, field: Field, copy: _Copy, packing: Packing) -> _Look:
         asked, stale = KernelPacking.of(field, packing), self._stale
@@ -311,9 +320,6 @@ class ContentCheck:
         return _Copy(words, words.view(np.uint8)[:, :columns], means, time_ns)
 
     def _damage(self, copy: _Copy, stale: tuple[int, int] | None, field: Field) -> str | None:
-        self._stale.remember()
-        if stale == (0, field.rows - 1):
-            return REPEATED
         shift = self._shift_of(copy)
         found = []
         if shift:
@@ -349,9 +355,9 @@ class ContentCheck:
             return None
         return find_shift(copy.rows, reference.rows, copy.profiles, reference.profiles, self._kernel)
 
-    def _remember(self, copy: _Copy, parity: int, content: Content) -> None:
+    def _remember(self, copy: _Copy, parity: int, content: Content, *, is_reference: bool) -> None:
         """Keep the last field, and the last good one of each parity; the buffers of others are reused."""
-        if content.no_picture or content.damage == REPEATED:
+        if content.no_picture or content.damage == REPEATED or not is_reference:
             self._spare.append(copy)
             return
         before, self._before = self._before, copy

@@ -7,6 +7,7 @@ and nothing above it.
 """
 
 import math
+from collections.abc import Sequence
 from typing import NamedTuple, TypeVar
 
 import numpy as np
@@ -153,17 +154,28 @@ def _correlated(now: Reals, then: Reals) -> Reals:
 
 
 def _fine_columns(rows: Rows, before: Rows, coarse: Coarse) -> int | None:
-    """The shift in pixels, if it makes the previous field match well, and much better than motion does."""
-    now, then = (_smooth(one)[coarse.block :] for one in (rows, before))
-    power = math.sqrt(float(np.vdot(now, now)) * float(np.vdot(then, then)))
+    """The shift in pixels, if it makes the previous field match well below, and much better than motion does.
+
+    Above, it must not: what changes all over the picture may look like a shift, as a running counter does.
+    """
+    now, then = _smooth(rows), _smooth(before)
     middle = coarse.bins * _BIN_COLUMNS
     near = range(middle - _BIN_COLUMNS, middle + _BIN_COLUMNS + 1)
-    shifts = (*near, *_MOTION)
-    likeness = {shift: float(np.vdot(now, np.roll(then, shift, axis=1))) / power for shift in shifts}
-    shifted = max(near, key=likeness.__getitem__)
-    rest, unshifted_rest = 1 - likeness[shifted], 1 - max(likeness[shift] for shift in _MOTION)
-    fits = likeness[shifted] >= _LEAST_LIKENESS and unshifted_rest >= _LEAST_GAIN * rest
-    return shifted if fits else None
+    above, below = (
+        _likeness(now[part], then[part], (*near, *_MOTION))
+        for part in (slice(coarse.block), slice(coarse.block, None))
+    )
+    shifted = max(near, key=below.__getitem__)
+    rest, unshifted_rest = 1 - below[shifted], 1 - max(below[shift] for shift in _MOTION)
+    fits = below[shifted] >= _LEAST_LIKENESS and unshifted_rest >= _LEAST_GAIN * rest
+    is_below_alone = above[shifted] < max(above[shift] for shift in _MOTION)
+    return shifted if fits and is_below_alone else None
+
+
+def _likeness(now: Singles, then: Singles, shifts: Sequence[int]) -> dict[int, float]:
+    """Correlation of some blocks with earlier ones that are shifted right by so many columns."""
+    power = math.sqrt(float(np.vdot(now, now)) * float(np.vdot(then, then)))
+    return {shift: float(np.vdot(now, np.roll(then, shift, axis=1))) / power for shift in shifts}
 
 
 def _smooth(rows: Rows) -> Singles:

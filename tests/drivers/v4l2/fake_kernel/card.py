@@ -43,6 +43,7 @@ class Card:
 
     Faults, units (buffers) counted from STREAMON:
         lost: units that never come; uncounted: those of them that `sequence` does not tell of.
+        unwritten: bytes by unit, as slices, that the driver leaves as they were.
         flagged: units with the error flag; short: bytes used by unit; unlabelled: units of field ANY.
         answers: errno of the next calls by name, 0 for one that goes well.
         eio_takes: an EIO of DQBUF costs the buffer.
@@ -77,6 +78,7 @@ class Card:
 
     lost: set = field(default_factory=set)
     uncounted: set = field(default_factory=set)
+    unwritten: dict = field(default_factory=dict)
     flagged: set = field(default_factory=set)
     short: dict = field(default_factory=dict)
     unlabelled: set = field(default_factory=set)
@@ -250,7 +252,10 @@ class Card:
     def _fill(self, memory, count, due_ns):
         numbers = self.fields_of(self.unit)
         filled = memory.filled
+        left = [(part, memory.bytes[part].copy()) for part in self.unwritten.get(count, ())]
         used = self._draw(numbers, count, memory.bytes)
+        for part, was in left:
+            memory.bytes[part] = was
         filled.bytesused = self.short.get(count, used)
         filled.flags = self.stamp_flags | (abi.BUF_FLAG_ERROR if count in self.flagged else 0)
         filled.field = Arrangement.ANY if count in self.unlabelled else self._label(numbers, count)

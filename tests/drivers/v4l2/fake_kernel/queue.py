@@ -40,6 +40,12 @@ class FakePages:
         assert self._memory is not None, "the buffer is not mapped any more"
         return self._array
 
+    @property
+    def writable(self):
+        assert self._memory is not None, "the buffer is not mapped any more"
+        assert self._memory.state == DEQUEUED, "the buffer is the card's"
+        return self._bytes
+
     def unmap(self):
         if self._memory is not None:
             self._memory.mappings -= 1

@@ -131,3 +131,13 @@ def test_any_picture_of_any_size_can_be_looked_at(shape, values, seed):
     random = np.random.default_rng(seed)
     for content in looked_at([random.choice(values, shape).astype(np.uint8) for _ in range(4)]):
         assert content.no_picture is None or content.damage is None
+
+
+def test_a_field_that_the_driver_calls_damaged_is_no_reference_for_those_after_it():
+    fields = camera(12)
+    check, found = ContentCheck(), []
+    for n, luma in enumerate(fields):
+        seen = without_a_packet(luma, 144, 374) if n == 6 else luma
+        one = grabbed(seen, n)._replace(damage="short" if n == 6 else None)
+        found.append(check.take(one, AS_IT_IS)[0].damage)
+    assert found == [None] * 12

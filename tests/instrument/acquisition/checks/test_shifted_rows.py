@@ -85,3 +85,12 @@ def test_after_a_gap_there_is_nothing_to_compare_with(liner):
     check.take(grabbed(liner[0], 0), AS_IT_IS)
     late = grabbed(without_a_packet(liner[1], 144, 40), 1)
     assert check.take(late._replace(time_ns=late.time_ns + 100_000_000), AS_IT_IS)[0].damage is None
+
+
+def test_neither_is_a_counter_that_runs_in_every_line():
+    """Squares of four pixels: of one number, those of the next may lie two to the side."""
+    noise = np.random.default_rng(1).integers(24, 32, (288, 720), np.uint8)
+    fields = [np.roll(noise, 7 * n, axis=0) for n in range(400)]
+    for n, field in enumerate(fields):
+        field[:, :64] = np.repeat([235 if n >> bit & 1 else 16 for bit in range(15, -1, -1)], 4)
+    assert damages(fields) == [None] * len(fields)

@@ -1,0 +1,190 @@
+"""Real drivers before emulated grabbers: what is in a capture, row by row, beside what the camera sent."""
+
+import atexit
+import json
+import subprocess
+import sys
+import tempfile
+from collections import Counter
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from grabberd.config import load_config
+from grabberd.core.ledger import LedgerEntry
+from grabberd.instrument.capture.capture_request import CaptureRequest
+from grabberd.instrument.setup import set_up
+from grabberd.library.capture import open_capture
+from grabberd.server.daemon.service import Service
+from grabberd_v4l2.discovery import discover
+from proofs.vm.guest.shell import run, wait_for
+from proofs.vm.usb.camera import numbers_in
+
+PATIENCE_S = 120.0
+LEAD, APART = 100, 46
+"""Fields before the first fault, and from one to the next."""
+MODULES = {"usbtv": "usbtv", "stk1160": "stk1160"}
+USB = {"usbtv": "1b71:3002", "stk1160": "05e1:0408"}
+_CONFIG = """
+devices:
+  cup:
+    driver: v4l2
+    options: {options}
+    threshold: {{kind: fixed, value: 128}}
+"""
+
+
+class Grabber:
+    """An emulated device, in a process of its own."""
+
+    def __init__(self, kind: str, port: int) -> None:
+        command = [sys.executable, "-m", "proofs.vm.usb", kind, str(port)]
+        self._process = subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True)
+        atexit.register(self.end)
+
+    def __call__(self, *words: Any) -> Any:
+        assert self._process.stdin is not None
+        assert self._process.stdout is not None
+        self._process.stdin.write(json.dumps(words) + "\n")
+        self._process.stdin.flush()
+        return json.loads(self._process.stdout.readline())
+
+    def end(self) -> None:
+        """Its process ends; what it had plugged in is gone."""
+        self._process.kill()
+        self._process.wait()
+
+
+_plugged: dict[str, Grabber] = {}
+
+
+def plug_in(kind: str, port: int = 0) -> dict[str, Any]:
+    """Plugs one in; says what the kernel and the program make of it."""
+    run(f"modprobe -a vhci-hcd {MODULES[kind]}")
+    grabber = _plugged[kind] = Grabber(kind, port)
+    grabber("in")
+    seconds = wait_for(_nodes, PATIENCE_S)
+    run("udevadm settle")
+    found = [one for one in discover() if USB[kind] in str(one.options)]
+    return {
+        "seconds": seconds,
+        "nodes": _nodes(),
+        "found": [
+            {
+                "card": one.card,
+                "verdict": str(one.verdict),
+                "options": dict(one.options),
+                "remarks": one.remarks,
+            }
+            for one in found
+        ],
+        "kernel": [line for line in run("dmesg").splitlines() if kind in line or "BOGUS" in line][-8:],
+    }
+
+
+def unplug(kind: str) -> None:
+    """Takes it away."""
+    grabber = _plugged.pop(kind)
+    grabber("out")
+    grabber.end()
+    wait_for(lambda: not _nodes(), PATIENCE_S)
+
+
+def judged(kind: str, cases: Sequence[tuple[str, Sequence[Sequence[Any]]]]) -> dict[str, Any]:
+    """Captures while faults happen, one after the other, and compares each row with what the camera sent.
+
+    Args:
+        kind: Of the grabber.
+        cases: Name and faults of each, as `Emulated.script` takes them.
+
+    Returns:
+        `cases`: of each name what is `said` of the fields about its fault, in words; how many of them are
+        `unseen`: received, though a row is of another field; and `spared`: not received, though all rows are
+        right. `elsewhere`: the same of all other fields. `skipped`: fields that the
+        emulation was too slow for.
+    """
+    grabber = _plugged[kind]
+    with _service(kind) as (service, folder):
+        service.capture_control.start(None, CaptureRequest())
+        recording = service.instrument(None).captures.recording
+        assert recording is not None
+        _pass(grabber, LEAD)
+        made = []
+        for name, faults in cases:
+            made.append((name, grabber("script", *faults)))
+            _pass(grabber, APART)
+        recording.stop("the test is over")
+        assert recording.sealed.wait(PATIENCE_S)
+        entries = recording.recorder.ledger.entries
+        (file,) = folder.rglob("*.grab")
+        rows = _rows(file)
+    ahead = Counter(row["shows"] - row["n"] for row in rows).most_common(1)[0][0]
+    found = {name: _about(rows, entries, ahead, base, base + APART) for name, base in made}
+    elsewhere = _about(rows, entries, ahead, 0, made[0][1])
+    return {
+        "cases": found,
+        "elsewhere": elsewhere,
+        "skipped": grabber("state")["skipped"],
+        "fields": len(rows),
+    }
+
+
+def _about(rows: Any, entries: Sequence[LedgerEntry], ahead: int, first: int, end: int) -> dict[str, Any]:
+    """What is said of the fields from one to another number of the camera's, and what is true."""
+    near = [row for row in rows if first - 2 <= row["n"] + ahead < end - 2]
+    right = [row for row in near if row["shows"] == row["n"] + ahead and not row["others"]]
+    received = [row for row in near if row["outcome"] == "received"]
+    said = [
+        f"{entry.count} {entry.outcome} ({entry.reason})"
+        for entry in entries
+        if first - 2 <= entry.first_n + ahead < end - 2
+    ]
+    return {
+        "said": said,
+        "unseen": [row for row in received if row not in right],
+        "spared": sum(row not in received for row in right),
+    }
+
+
+def _rows(file: Path) -> list[dict[str, Any]]:
+    found = []
+    with open_capture(file) as capture:
+        for one in capture.fields:
+            numbers = Counter(numbers_in(np.asarray(one.picture)))
+            shows, count = numbers.most_common(1)[0]
+            found.append(
+                {
+                    "n": one.n,
+                    "outcome": str(one.outcome),
+                    "reason": one.reason,
+                    "shows": shows,
+                    "others": sum(numbers.values()) - count,
+                }
+            )
+    return found
+
+
+@contextmanager
+def _service(kind: str) -> Iterator[tuple[Service, Path]]:
+    folder = Path(tempfile.mkdtemp(prefix="grabberd-", dir="/dev/shm"))
+    file = folder / "cup.yaml"
+    file.write_text(_CONFIG.format(options=json.dumps({"usb": USB[kind]})))
+    service = Service(set_up(load_config(file), file), folder)
+    service.start()
+    try:
+        wait_for(lambda: service.instrument(None).captures.accepts, PATIENCE_S)
+        yield service, folder
+    finally:
+        service.stop()
+
+
+def _pass(grabber: Grabber, fields: int) -> None:
+    until = grabber("state")["field"] + fields
+    wait_for(lambda: grabber("state")["field"] >= until, PATIENCE_S)
+
+
+def _nodes() -> list[str]:
+    return sorted(str(path) for path in Path("/dev").glob("video*"))

@@ -1,0 +1,74 @@
+"""Drivers of real grabbers, before emulated ones: what the ledger says, judged by the truth in each row."""
+
+from collections.abc import Iterator
+from typing import Any
+
+import pytest
+
+from proofs.vm.guest import grabbers
+from proofs.vm.machine import Machine
+from proofs.vm.tables import Tables
+from proofs.vm.usb.faults import Fault
+
+NOTE = (
+    "Emulated on the bus (USB/IP), programmed and read by Debian's own drivers. Each row of a picture has "
+    "the number of the camera's field. Unseen: fields that are called received, though a row is of another "
+    "one. Spared: intact fields that are called otherwise, since the driver does not tell which are."
+)
+USBTV: dict[str, list[list[Any]]] = {
+    "one chunk of the first field": [[0, Fault.LOST, 100]],
+    "one packet of the first field": [[0, Fault.LOST, 99, 3]],
+    "20 chunks of the first field": [[0, Fault.LOST, 100, 20]],
+    "one packet of the second field": [[1, Fault.LOST, 99, 3]],
+    "the last chunk of the second field": [[1, Fault.LOST, -1]],
+    "a chunk's head": [[0, Fault.GARBLED, 50]],
+    "a first field": [[0, Fault.FIELD]],
+    "a second field": [[1, Fault.FIELD]],
+    "a frame": [[0, Fault.FIELD], [1, Fault.FIELD]],
+    "a burst over the boundary of fields": [[0, Fault.LOST, -1], [1, Fault.LOST, 0]],
+    "a burst over the boundary of frames": [[1, Fault.LOST, -1], [2, Fault.LOST, 0]],
+    "the number of the frame before": [[0, Fault.REPEATED_ID]],
+    "silence for .4 s": [[1, Fault.SILENCE, 0.4]],
+}
+STK1160: dict[str, list[list[Any]]] = {
+    "one packet of the first field": [[0, Fault.LOST, 50]],
+    "a packet of the first field, short": [[0, Fault.SHORT, 50, 100]],
+    "one packet of the second field": [[1, Fault.LOST, 50]],
+    "the mark of a first field": [[0, Fault.LOST, 0]],
+    "the mark of a second field": [[1, Fault.LOST, 0]],
+    "a first field": [[0, Fault.FIELD]],
+    "a second field": [[1, Fault.FIELD]],
+    "a frame": [[0, Fault.FIELD], [1, Fault.FIELD]],
+    "a burst over the boundary of frames": [[1, Fault.LOST, -3, 3], [2, Fault.LOST, 0, 4]],
+    "silence for .4 s": [[1, Fault.SILENCE, 0.4]],
+}
+CASES = {"usbtv": USBTV, "stk1160": STK1160}
+
+
+@pytest.fixture(params=CASES)
+def kind(request: pytest.FixtureRequest, fast: Machine) -> Iterator[str]:
+    """A grabber that is plugged in."""
+    plugged = fast.call(grabbers.plug_in, kind=request.param)
+    assert plugged["nodes"] == ["/dev/video0"], plugged["kernel"]
+    yield request.param
+    fast.call(grabbers.unplug, kind=request.param)
+
+
+def test_whatever_a_grabber_loses_no_row_of_another_field_is_received(
+    kind: str, fast: Machine, tables: Tables
+) -> None:
+    found = fast.call(grabbers.judged, kind=kind, cases=list(CASES[kind].items()))
+    for fault, about in found["cases"].items():
+        tables.add(
+            "Grabbers",
+            NOTE,
+            driver=kind,
+            lost_on_its_way=fault,
+            ledger_says="; ".join(about["said"]) or "–",
+            unseen=len(about["unseen"]),
+            spared=about["spared"],
+        )
+    assert not found["skipped"], "the emulation was too slow to judge by"
+    assert found["elsewhere"] == {"said": [], "unseen": [], "spared": 0}
+    assert {fault: about["unseen"] for fault, about in found["cases"].items() if about["unseen"]} == {}
+    assert all(about["spared"] <= 2 for about in found["cases"].values())

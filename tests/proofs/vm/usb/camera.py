@@ -1,0 +1,82 @@
+"""The picture before an emulated grabber: each row says which of the camera's fields it belongs to."""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+COLUMNS, ROW_BYTES = 720, 1440
+_BITS, _SQUARE = 16, 4
+STAMPED = _BITS * _SQUARE
+"""Columns that hold the number, most significant bit first, white is 1."""
+_DARK, _WHITE, _GREY, _DISC = 0x10, 0xEB, 0x80, 0xE0
+_DISCS = ((250, 150), (450, 250), (350, 400))
+_RADIUS = 14.0
+_MOVES, _RESTS = 100, 50
+"""Fields for which the discs move, and rest."""
+_NOISE_STEP = 7
+
+Rows = NDArray[np.uint8]
+
+
+class Standard(NamedTuple):
+    """Of television."""
+
+    lines: int
+    rate_hz: float
+
+
+PAL, NTSC = Standard(288, 50.0), Standard(240, 60000 / 1001)
+
+
+class Camera:
+    """Draws fields in YUYV or UYVY: faint noise, three discs that move, and the number in every row.
+
+    Args:
+        luma_first: True for YUYV.
+
+    Attributes:
+        standard: Of its signal.
+        is_stamped: False leaves out the numbers, which do not move.
+    """
+
+    def __init__(self, *, luma_first: bool = True, standard: Standard = PAL) -> None:
+        self.standard = standard
+        self.is_stamped = True
+        self._luma = 0 if luma_first else 1
+        noise = np.full((2 * PAL.lines, ROW_BYTES), _GREY, np.uint8)
+        # Noise enough for rows to differ, and from a seed: what is seen can be seen again.
+        noise[:, self._luma :: 2] = np.random.default_rng(1).integers(24, 32, noise[:, ::2].shape)
+        self._noise: Rows = noise
+
+    def field(self, number: int, *, is_top: bool) -> Rows:
+        """(lines, 1440) bytes of a field; `is_top`: its rows are 0, 2, … of the frame."""
+        lines = self.standard.lines
+        first = number * _NOISE_STEP % lines
+        rows = self._noise[first : first + lines].copy()
+        if self.is_stamped:
+            rows[:, self._luma : 2 * STAMPED : 2] = _stamp(number)
+        swing = 60 * math.sin((number // (_MOVES + _RESTS) * _MOVES + min(number % 150, _MOVES)) / 12)
+        for x, y in _DISCS:
+            self._draw_disc(rows, 0 if is_top else 1, x + swing, y + swing / 2)
+        return rows
+
+    def _draw_disc(self, rows: Rows, first: int, x: float, y: float) -> None:
+        top, bottom = int(y - _RADIUS) // 2, int(y + _RADIUS) // 2 + 1
+        for row in range(max(top, 0), min(bottom, len(rows))):
+            half = _RADIUS**2 - (2 * row + first - y) ** 2
+            if half > 0:
+                left, right = round(x - math.sqrt(half)), round(x + math.sqrt(half))
+                rows[row, 2 * left + self._luma : 2 * right : 2] = _DISC
+
+
+def _stamp(number: int) -> Rows:
+    bits = np.arange(_BITS - 1, -1, -1)
+    return np.where(number >> bits & 1, _WHITE, _DARK).astype(np.uint8).repeat(_SQUARE)
+
+
+def numbers_in(luma: Rows) -> list[int]:
+    """The number in each row of a field's luma (rows, columns)."""
+    ones = luma[:, 1:STAMPED:_SQUARE] > (_DARK + _WHITE) // 2
+    return (ones @ (1 << np.arange(_BITS - 1, -1, -1))).tolist()
