@@ -44,7 +44,7 @@ def noticed(corrections):
             pytest.param(count, what, px, marks=SLOW)
             for count in (2, 3, 4)
             for what in MOVEMENTS
-            for px in (0.1, 0.2, 0.5, 1.0, 2.0)
+            for px in (0.1, 0.5, 2.0)
             if count == 4 or "keystone" not in what
         ],
     ],
@@ -65,7 +65,7 @@ def test_a_movement_is_noticed_within_a_second_and_taken_off(count, what, px):
 @pytest.mark.slow
 def test_sigma_predicts_what_is_left(count):
     kinds, found = [kind for what, kind in MOVEMENTS.items() if "keystone" not in what], []
-    for seed in range(64):
+    for seed in range(32):
         movements = kinds[seed % len(kinds)]((0.1, 0.2, 0.5, 1.0)[seed % 4])
         correction = Watched(count, seed=100 + seed).see(96, movements)[-1]
         found += [chi for _, chi in left_px(correction, movements).values() if chi is not None]
@@ -77,7 +77,7 @@ def test_sigma_predicts_what_is_left_of_knocks_to_the_simulated_camera_and_mirro
     cup = np.array([(60, 36, 0), (-60, -36, 0), (60, -36, 0), (-60, 36, 0)][:count], float)
     over = np.array([(x, y, 0.0) for x in np.linspace(-55, 55, 7) for y in np.linspace(-34, 34, 7)])
     found = []
-    for seed, what in product(range(64), ("camera", "left")):
+    for seed, what in product(range(24), ("camera", "left")):
         rng, options = np.random.default_rng(seed), FakeOptions.read({"rig": {"seed": seed}})
         before = build_views(options)
         now = knocked(before, what, rng.normal(0, 0.7 * (0.1, 0.3, 1.0, 2.0)[seed % 4], 3))
@@ -90,11 +90,11 @@ def test_sigma_predicts_what_is_left_of_knocks_to_the_simulated_camera_and_mirro
                 at = new.image(over)
                 off = at - old.image(over) - movement.at(at)
                 found.append(np.mean(np.square(off / movement.sigma_at(at))))
-    assert len(found) > 150
+    assert len(found) > 50
     assert 0.65 < np.mean(found) < 1.4
 
 
-@pytest.mark.parametrize("seeds", [range(4), pytest.param(range(4, 64), marks=SLOW)])
+@pytest.mark.parametrize("seeds", [range(4), pytest.param(range(4, 32), marks=SLOW)])
 def test_quiet_series_are_not_corrected(seeds):
     for seed in seeds:
         watched = Watched(4 if seed % 2 else 2, seed=1000 + seed, noise=0.02 if seed % 4 < 2 else 0.04)
@@ -107,7 +107,7 @@ def quiet_marks(rng, places):
     return located.T.astype(np.float32)
 
 
-@pytest.mark.parametrize("fields", [200, pytest.param(3000, marks=SLOW)])
+@pytest.mark.parametrize("fields", [200, pytest.param(1000, marks=SLOW)])
 def test_sixty_four_quiet_series_are_not_corrected(fields):
     places = np.array([place for view in VIEWS for place in CORNERS[view]], float)
     for seed in range(64):

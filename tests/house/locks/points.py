@@ -18,8 +18,8 @@ EVERY = 97
 """Of so many rows, one is kept as numbers."""
 LONGEST = 24
 """Parts of a list that is kept whole."""
-RELATIVE = 1e-9
-"""Share by which numbers of another kind of computer may differ."""
+RELATIVE = 1e-8
+"""Share by which numbers of another computer may differ."""
 OF_THE_MOMENT = ("id", "created_utc")
 """Keys of a calibration that the clock decides on."""
 

@@ -18,6 +18,7 @@ class Lock(NamedTuple):
         made: Looks at this program.
         reduced: By a key of the document: what is left to compare where that key's values differ.
         relative: Share by which numbers may differ then.
+        always: True if that is so on every computer, since caches decide in which order linear algebra sums.
         grows: True if there may be more than was kept.
         kept: Makes what is kept, where that is less than what is looked at.
     """
@@ -25,6 +26,7 @@ class Lock(NamedTuple):
     made: Callable[[], Document]
     reduced: dict[str, Callable[[Any], Any]] = {}  # noqa: RUF012 - never changed
     relative: float = 0.0
+    always: bool = False
     grows: bool = False
     kept: Callable[[], Document] | None = None
 
@@ -33,7 +35,7 @@ class Lock(NamedTuple):
         kept, now = read(name), plain(self.made())
         relative = 0.0
         for key, reduced in self.reduced.items():
-            if kept[key] != now[key]:
+            if self.always or kept[key] != now[key]:
                 kept, now, relative = reduced(kept), reduced(now), self.relative
         found = differences(kept, now, relative)
         return [one for one in found if not (self.grows and ": is new (" in one)]
@@ -60,8 +62,8 @@ LOCKS = {
     "exports_analysis": Lock(exports.analysis_files, _BITS),
     "pictures": Lock(exports.pictures, _BITS),
     "points": Lock(points.points, _BITS, points.RELATIVE),
-    "computed": Lock(points.computed, _BITS, points.RELATIVE),
-    "calibration": Lock(points.calibration, _BITS, points.RELATIVE),
+    "computed": Lock(points.computed, _BITS, points.RELATIVE, always=True),
+    "calibration": Lock(points.calibration, _BITS, points.RELATIVE, always=True),
     "exits": Lock(exits.exits, _BITS),
     "state": Lock(restored.state),
 }

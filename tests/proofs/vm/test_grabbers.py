@@ -42,14 +42,24 @@ STK1160: dict[str, list[list[Any]]] = {
     "a burst over the boundary of frames": [[1, Fault.LOST, -3, 3], [2, Fault.LOST, 0, 4]],
     "silence for .4 s": [[1, Fault.SILENCE, 0.4]],
 }
-CASES = {"usbtv": USBTV, "stk1160": STK1160}
+UVC: dict[str, list[list[Any]]] = {
+    "one packet": [[0, Fault.LOST, 10]],
+    "the first packet": [[0, Fault.LOST, 0]],
+    "the last packet": [[0, Fault.LOST, -1]],
+    "a packet, short": [[0, Fault.SHORT, 10, 100]],
+    "a picture": [[0, Fault.FIELD]],
+    "two pictures": [[0, Fault.FIELD], [1, Fault.FIELD]],
+    "a burst over the boundary of pictures": [[0, Fault.LOST, -3, 3], [1, Fault.LOST, 0, 3]],
+    "silence for .4 s": [[0, Fault.SILENCE, 0.4]],
+}
+CASES = {"usbtv": USBTV, "stk1160": STK1160, "uvc, YUYV": UVC, "uvc, MJPG": UVC}
 
 
 @pytest.fixture(params=CASES)
 def kind(request: pytest.FixtureRequest, fast: Machine) -> Iterator[str]:
     """A grabber that is plugged in."""
     plugged = fast.call(grabbers.plug_in, kind=request.param)
-    assert plugged["nodes"] == ["/dev/video0"], plugged["kernel"]
+    assert "/dev/video0" in plugged["nodes"], plugged["kernel"]
     yield request.param
     fast.call(grabbers.unplug, kind=request.param)
 

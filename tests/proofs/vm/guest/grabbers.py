@@ -26,15 +26,18 @@ from proofs.vm.usb.camera import numbers_in
 PATIENCE_S = 120.0
 LEAD, APART = 100, 46
 """Fields before the first fault, and from one to the next."""
-MODULES = {"usbtv": "usbtv", "stk1160": "stk1160"}
-USB = {"usbtv": "1b71:3002", "stk1160": "05e1:0408"}
+MODULES = {"usbtv": "usbtv", "stk1160": "stk1160", "uvc": "uvcvideo"}
+USB = {"usbtv": "1b71:3002", "stk1160": "05e1:0408", "uvc": "1d6b:0102"}
+"""By the kind of a device, without the format of its pictures."""
 _CONFIG = """
 devices:
   cup:
     driver: v4l2
     options: {options}
     threshold: {{kind: fixed, value: 128}}
+    rig: {{columns: 720, lines: {lines}}}
 """
+_LINES = {"uvc": 480}
 
 
 class Grabber:
@@ -63,12 +66,11 @@ _plugged: dict[str, Grabber] = {}
 
 def plug_in(kind: str, port: int = 0) -> dict[str, Any]:
     """Plugs one in; says what the kernel and the program make of it."""
-    run(f"modprobe -a vhci-hcd {MODULES[kind]}")
+    run(f"modprobe -a vhci-hcd {MODULES[_family(kind)]}")
     grabber = _plugged[kind] = Grabber(kind, port)
     grabber("in")
     seconds = wait_for(_nodes, PATIENCE_S)
     run("udevadm settle")
-    found = [one for one in discover() if USB[kind] in str(one.options)]
     return {
         "seconds": seconds,
         "nodes": _nodes(),
@@ -79,7 +81,7 @@ def plug_in(kind: str, port: int = 0) -> dict[str, Any]:
                 "options": dict(one.options),
                 "remarks": one.remarks,
             }
-            for one in found
+            for one in discover()
         ],
         "kernel": [line for line in run("dmesg").splitlines() if kind in line or "BOGUS" in line][-8:],
     }
@@ -171,7 +173,8 @@ def _rows(file: Path) -> list[dict[str, Any]]:
 def _service(kind: str) -> Iterator[tuple[Service, Path]]:
     folder = Path(tempfile.mkdtemp(prefix="grabberd-", dir="/dev/shm"))
     file = folder / "cup.yaml"
-    file.write_text(_CONFIG.format(options=json.dumps({"usb": USB[kind]})))
+    options = json.dumps({"usb": USB[_family(kind)]})
+    file.write_text(_CONFIG.format(options=options, lines=_LINES.get(_family(kind), 576)))
     service = Service(set_up(load_config(file), file), folder)
     service.start()
     try:
@@ -184,6 +187,10 @@ def _service(kind: str) -> Iterator[tuple[Service, Path]]:
 def _pass(grabber: Grabber, fields: int) -> None:
     until = grabber("state")["field"] + fields
     wait_for(lambda: grabber("state")["field"] >= until, PATIENCE_S)
+
+
+def _family(kind: str) -> str:
+    return kind.partition(",")[0]
 
 
 def _nodes() -> list[str]:

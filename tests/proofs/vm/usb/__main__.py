@@ -15,19 +15,24 @@ import sys
 import threading
 import time
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from typing import Any
 
-from proofs.vm.usb import stk1160, usbtv
+from proofs.vm.usb import stk1160, usbtv, uvc
 from proofs.vm.usb.faults import Due
 from proofs.vm.usb.link import Link
 from proofs.vm.usb.stk1160 import Stk1160
 from proofs.vm.usb.stream import Stream
 from proofs.vm.usb.usbtv import Usbtv
+from proofs.vm.usb.uvc import UvcCamera
 
-KINDS: dict[str, tuple[type[Usbtv | Stk1160], int]] = {
+KINDS: dict[str, tuple[Callable[[], Usbtv | Stk1160 | UvcCamera], int]] = {
     "usbtv": (Usbtv, usbtv.VIDEO),
     "stk1160": (Stk1160, stk1160.VIDEO),
+    "uvc, YUYV": (UvcCamera, uvc.VIDEO),
+    "uvc, MJPG": (partial(UvcCamera, is_jpeg=True), uvc.VIDEO),
+    "uvc, twice": (partial(UvcCamera, times=2), uvc.VIDEO),
 }
 """Devices, and the endpoints of their pictures."""
 CONTROLLER = Path("/sys/devices/platform/vhci_hcd.0")

@@ -21,17 +21,24 @@ Rows = NDArray[np.uint8]
 
 
 class Standard(NamedTuple):
-    """Of television."""
+    """What a camera sends.
+
+    Attributes:
+        lines: Of a field, or of a progressive picture.
+        rate_hz: Fields or pictures per second.
+        lines_apart: Lines of the frame from row to row.
+    """
 
     lines: int
     rate_hz: float
+    lines_apart: int = 2
 
 
-PAL, NTSC = Standard(288, 50.0), Standard(240, 60000 / 1001)
+PAL, NTSC, WEBCAM = Standard(288, 50.0), Standard(240, 60000 / 1001), Standard(480, 30.0, 1)
 
 
 class Camera:
-    """Draws fields in YUYV or UYVY: faint noise, three discs that move, and the number in every row.
+    """Draws fields and pictures in YUYV or UYVY: faint noise, moving discs, and the number in every row.
 
     Args:
         luma_first: True for YUYV.
@@ -45,13 +52,13 @@ class Camera:
         self.standard = standard
         self.is_stamped = True
         self._luma = 0 if luma_first else 1
-        noise = np.full((2 * PAL.lines, ROW_BYTES), _GREY, np.uint8)
+        noise = np.full((2 * WEBCAM.lines, ROW_BYTES), _GREY, np.uint8)
         # Noise enough for rows to differ, and from a seed: what is seen can be seen again.
         noise[:, self._luma :: 2] = np.random.default_rng(1).integers(24, 32, noise[:, ::2].shape)
         self._noise: Rows = noise
 
-    def field(self, number: int, *, is_top: bool) -> Rows:
-        """(lines, 1440) bytes of a field; `is_top`: its rows are 0, 2, … of the frame."""
+    def field(self, number: int, first_line: int = 0) -> Rows:
+        """(lines, 1440) bytes of a field, given the line of the frame that is its first, or of a picture."""
         lines = self.standard.lines
         first = number * _NOISE_STEP % lines
         rows = self._noise[first : first + lines].copy()
@@ -59,13 +66,14 @@ class Camera:
             rows[:, self._luma : 2 * STAMPED : 2] = _stamp(number)
         swing = 60 * math.sin((number // (_MOVES + _RESTS) * _MOVES + min(number % 150, _MOVES)) / 12)
         for x, y in _DISCS:
-            self._draw_disc(rows, 0 if is_top else 1, x + swing, y + swing / 2)
+            self._draw_disc(rows, first_line, x + swing, y + swing / 2)
         return rows
 
-    def _draw_disc(self, rows: Rows, first: int, x: float, y: float) -> None:
-        top, bottom = int(y - _RADIUS) // 2, int(y + _RADIUS) // 2 + 1
+    def _draw_disc(self, rows: Rows, first_line: int, x: float, y: float) -> None:
+        apart = self.standard.lines_apart
+        top, bottom = int(y - _RADIUS) // apart, int(y + _RADIUS) // apart + 1
         for row in range(max(top, 0), min(bottom, len(rows))):
-            half = _RADIUS**2 - (2 * row + first - y) ** 2
+            half = _RADIUS**2 - (apart * row + first_line - y) ** 2
             if half > 0:
                 left, right = round(x - math.sqrt(half)), round(x + math.sqrt(half))
                 rows[row, 2 * left + self._luma : 2 * right : 2] = _DISC

@@ -21,6 +21,7 @@ _READ, _WRITE = 0, 1
 _SERIAL, _SERIAL_STATE = 0x200, 0x201
 _WRITTEN_AT, _WRITTEN, _READ_AT, _READ_VALUE = 0x204, 0x205, 0x208, 0x209
 _START_READ, _WRITE_IS_DONE, _READ_IS_DONE = 0x20, 0x04, 0x01
+_SOUND = 0x500
 _LAST_LINE = 0x116
 """Last line of a field, low byte; only its value tells the standard that was asked for."""
 _OF_625 = 0x21
@@ -109,6 +110,8 @@ class Stk1160(device.UsbDevice):
     def _read(self, register: int) -> int:
         if register == _SERIAL_STATE:
             return _WRITE_IS_DONE | _READ_IS_DONE
+        if register == _SOUND:
+            return 0  # its transfers are over at once
         return self._registers.get(register, 0) & 255
 
     def _transfer(self, how: int) -> None:
@@ -131,7 +134,7 @@ class Stk1160(device.UsbDevice):
 
     def _packets(self, number: int) -> list[bytes]:
         is_top = number % 2 == 0
-        rows = self.camera.field(number & 0xFFFF, is_top=is_top)
+        rows = self.camera.field(number & 0xFFFF, number % 2)
         if not self.decoder.has_signal:
             rows.reshape(-1, 4)[:] = np.frombuffer(_BLUE, np.uint8)
         data, room = rows.tobytes(), device.MOST_BYTES - len(_HEAD)

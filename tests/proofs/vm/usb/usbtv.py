@@ -82,7 +82,7 @@ class Usbtv(device.UsbDevice):
 
     def _chunks(self, number: int) -> list[bytes]:
         odd = number & 1
-        rows = self.camera.field(number & 0xFFFF, is_top=bool(odd))
+        rows = self.camera.field(number & 0xFFFF, 1 - odd)
         count = len(rows) * ROW_BYTES // _CHUNK
         chunks = np.zeros((count, _CHUNK_SENT), np.uint8)
         heads = 0x88 << 24 | (number >> 1 & 255) << 16 | odd << 15 | np.arange(count)

@@ -36,6 +36,9 @@ _ROUGHLY = 1e-3
 _PROGRESS = 0.01
 """Share by which the sum of squares has to fall to be worth as many steps again; near the minimum, where it
 falls no more, the steps have to become shorter."""
+_BY_ROUNDING = 1e-8
+"""Share of the sum of squares that a step may still promise where none lowers it: rounding hides the rest of the
+way, of some thousandths of the unknowns' σ."""
 _POLYNOMIAL = PARAMETERS[9:]
 
 
@@ -139,6 +142,8 @@ def _descend(
         if trial is None:
             return here, ""
         if isinstance(trial, float):
+            if trial <= _BY_ROUNDING:
+                return here, ""
             return here, f": no step lowers it, though the next promises {trial:.1e} of its square"
         if patient and (linear.omega <= goal[0] or trial.promise <= goal[1]):
             goal = (1.0 - _PROGRESS) * linear.omega, 0.5 * trial.promise
