@@ -281,3 +281,13 @@ def test_the_covariance_is_symmetric_to_the_last_digit_however_hard_parameters_a
     adjusted = adjust(network(places=flat, seed=seed, start=TRUE), tied())
     assert np.array_equal(adjusted.covariance, adjusted.covariance.T)
     assert np.array_equal(adjusted.parameter_covariance, adjusted.parameter_covariance.T)
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_where_rounding_hides_the_rest_of_the_way_it_has_converged(seed):
+    """Asked for more than doubles have, it ends where no step lowers the sum any longer."""
+    one = network(seed=seed, start=rough(seed=seed))
+    to_the_end = adjust(one, tied(), AdjustmentSettings(settled=0.0))
+    usual = adjust(one, tied())
+    sigma = np.sqrt(np.diag(usual.covariance))
+    assert np.abs((to_the_end.values - usual.values) / sigma).max() < 1e-2
