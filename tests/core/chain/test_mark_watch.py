@@ -65,7 +65,7 @@ def test_a_movement_is_noticed_within_a_second_and_taken_off(count, what, px):
 @pytest.mark.slow
 def test_sigma_predicts_what_is_left(count):
     kinds, found = [kind for what, kind in MOVEMENTS.items() if "keystone" not in what], []
-    for seed in range(32):
+    for seed in range(64):
         movements = kinds[seed % len(kinds)]((0.1, 0.2, 0.5, 1.0)[seed % 4])
         correction = Watched(count, seed=100 + seed).see(96, movements)[-1]
         found += [chi for _, chi in left_px(correction, movements).values() if chi is not None]

@@ -1,4 +1,7 @@
-"""No wrong set-up of a calibration is accepted without a word, and the word is the right one."""
+"""No wrong set-up of a calibration is accepted without a word, and the word is the right one.
+
+Every second cell of the table is tried here; `make setups` tries all.
+"""
 
 from dataclasses import replace
 
@@ -8,7 +11,10 @@ from grabberd.config import shipped_configs
 from proofs.setups.cases import JOINED, ORIENTATION, SETUPS, UNREMARKED, WRONG_SIGN, Setup, tried
 
 PAGE = shipped_configs().parent / "docs" / "reference" / "wrong-setups.md"
-OF_IRREGULAR = [one for one in SETUPS if "irregular" in one.frames]
+OF_IRREGULAR = [one for one in SETUPS if "irregular" in one.frames][::2]
+OF_ALIKE = [(one, frame) for one in ORIENTATION for frame in ("marked", "regular") if frame in one.frames][
+    ::2
+]
 
 
 @pytest.mark.parametrize("setup", OF_IRREGULAR, ids=[one.wrong for one in OF_IRREGULAR])
@@ -18,15 +24,15 @@ def test_what_is_wrong_is_told(setup: Setup) -> None:
     assert told.says(setup.told), told
 
 
-@pytest.mark.parametrize("frame", ["marked", "regular"])
-@pytest.mark.parametrize("setup", ORIENTATION, ids=[one.wrong for one in ORIENTATION])
+@pytest.mark.parametrize(
+    ("setup", "frame"), OF_ALIKE, ids=[f"{one.wrong}, {frame}" for one, frame in OF_ALIKE]
+)
 def test_how_a_frame_stands_that_looks_the_same_in_several_ways_is_never_guessed(
     setup: Setup, frame: str
 ) -> None:
-    if frame in setup.frames:
-        told = tried(setup, frame)
-        assert told.verdict != UNREMARKED
-        assert told.says(setup.told_of(frame)), told
+    told = tried(setup, frame)
+    assert told.verdict != UNREMARKED
+    assert told.says(setup.told_of(frame)), told
 
 
 @pytest.mark.parametrize("frame", ["irregular", "marked", "regular"])

@@ -6,8 +6,9 @@ from dataclasses import dataclass, field
 KERNEL = """# Under a real kernel
 
 Made by `make test-vm WRITE=1`; do not edit. A virtual machine runs Debian's own kernel, whose test driver
-`vivid` acts as a grabber with faults on request. Times are the guest's, whose clock is driven by its
-instruction count, so they do not depend on the host's load.
+`vivid` acts as a grabber with faults on request, and whose drivers of real grabbers have emulated ones before
+them. Times are the guest's, whose clock is driven by its instruction count, so they do not depend on the
+host's load.
 """
 SYSTEMD = """# Under a real systemd
 

@@ -1,11 +1,12 @@
 """Drivers of real grabbers, before emulated ones: what the ledger says, judged by the truth in each row."""
 
 from collections.abc import Iterator
+from contextlib import contextmanager
 from typing import Any
 
 import pytest
 
-from proofs.vm.guest import grabbers
+from proofs.vm.guest import grabbers, vivid
 from proofs.vm.machine import Machine
 from proofs.vm.tables import Tables
 from proofs.vm.usb.faults import Fault
@@ -58,10 +59,19 @@ CASES = {"usbtv": USBTV, "stk1160": STK1160, "uvc, YUYV": UVC, "uvc, MJPG": UVC}
 @pytest.fixture(params=CASES)
 def kind(request: pytest.FixtureRequest, fast: Machine) -> Iterator[str]:
     """A grabber that is plugged in."""
-    plugged = fast.call(grabbers.plug_in, kind=request.param)
+    with _plugged(fast, request.param):
+        yield request.param
+
+
+@contextmanager
+def _plugged(machine: Machine, kind: str) -> Iterator[None]:
+    machine.call(vivid.unload)
+    plugged = machine.call(grabbers.plug_in, kind=kind)
     assert "/dev/video0" in plugged["nodes"], plugged["kernel"]
-    yield request.param
-    fast.call(grabbers.unplug, kind=request.param)
+    try:
+        yield
+    finally:
+        machine.call(grabbers.unplug, kind=kind)
 
 
 def test_whatever_a_grabber_loses_no_row_of_another_field_is_received(
@@ -82,3 +92,17 @@ def test_whatever_a_grabber_loses_no_row_of_another_field_is_received(
     assert found["elsewhere"] == {"said": [], "unseen": [], "spared": 0}
     assert {fault: about["unseen"] for fault, about in found["cases"].items() if about["unseen"]} == {}
     assert all(about["spared"] <= 2 for about in found["cases"].values())
+
+
+def test_a_connection_that_breaks_and_comes_back_is_accounted_for(kind: str, fast: Machine) -> None:
+    found = fast.call(grabbers.replugged, kind=kind, seconds=2.0)
+    assert not found["unseen"]
+    assert any("unplugged" in entry for entry in found["entries"]), found["entries"]
+    assert found["after"] > 50
+
+
+def test_of_pictures_that_come_twice_each_is_received_once(fast: Machine) -> None:
+    with _plugged(fast, "uvc, twice"):
+        found = fast.call(grabbers.repeated, kind="uvc, twice")
+    assert found["received"] == found["different"]
+    assert found["damaged"] == {"repeated": pytest.approx(100, abs=2)}

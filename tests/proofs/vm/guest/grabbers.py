@@ -5,6 +5,7 @@ import json
 import subprocess
 import sys
 import tempfile
+import time
 from collections import Counter
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
@@ -134,18 +135,65 @@ def judged(kind: str, cases: Sequence[tuple[str, Sequence[Sequence[Any]]]]) -> d
     }
 
 
+def replugged(kind: str, seconds: float) -> dict[str, Any]:
+    """Captures while the connection breaks, and is there again after so many seconds; see `judged`."""
+    grabber = _plugged[kind]
+    with _service(kind) as (service, folder):
+        service.capture_control.start(None, CaptureRequest())
+        recording = service.instrument(None).captures.recording
+        assert recording is not None
+        _pass(grabber, LEAD)
+        broken = grabber("state")["field"]
+        grabber("cut")
+        time.sleep(seconds)
+        grabber("in")
+        received = recording.recorder.ledger.received
+        wait_for(lambda: recording.recorder.ledger.received > received + LEAD, PATIENCE_S)
+        recording.stop("the test is over")
+        assert recording.sealed.wait(PATIENCE_S)
+        entries = recording.recorder.ledger.entries
+        (file,) = folder.rglob("*.grab")
+        rows = _rows(file)
+    before = [row for row in rows if row["shows"] < broken]
+    ahead = Counter(row["shows"] - row["n"] for row in before).most_common(1)[0][0]
+    return {
+        **_about(before, entries, ahead, 0, broken),
+        "entries": _told(entries),
+        "after": len(rows) - len(before),
+    }
+
+
+def repeated(kind: str) -> dict[str, Any]:
+    """Outcomes of pictures that come twice: how many, and how many different ones are received."""
+    grabber = _plugged[kind]
+    with _service(kind) as (service, folder):
+        service.capture_control.start(None, CaptureRequest(fields=2 * LEAD))
+        recording = service.instrument(None).captures.recording
+        assert recording is not None
+        assert recording.sealed.wait(PATIENCE_S)
+        (file,) = folder.rglob("*.grab")
+        rows = _rows(file)
+    received = [row["shows"] for row in rows if row["outcome"] == "received"]
+    reasons = Counter(row["reason"] for row in rows if row["outcome"] == "damaged")
+    return {
+        "received": len(received),
+        "different": len(set(received)),
+        "damaged": dict(reasons),
+        **grabber("state"),
+    }
+
+
+def _told(entries: Sequence[LedgerEntry]) -> list[str]:
+    return [f"{entry.count} {entry.outcome} ({entry.reason})" for entry in entries]
+
+
 def _about(rows: Any, entries: Sequence[LedgerEntry], ahead: int, first: int, end: int) -> dict[str, Any]:
     """What is said of the fields from one to another number of the camera's, and what is true."""
     near = [row for row in rows if first - 2 <= row["n"] + ahead < end - 2]
     right = [row for row in near if row["shows"] == row["n"] + ahead and not row["others"]]
     received = [row for row in near if row["outcome"] == "received"]
-    said = [
-        f"{entry.count} {entry.outcome} ({entry.reason})"
-        for entry in entries
-        if first - 2 <= entry.first_n + ahead < end - 2
-    ]
     return {
-        "said": said,
+        "said": _told([entry for entry in entries if first - 2 <= entry.first_n + ahead < end - 2]),
         "unseen": [row for row in received if row not in right],
         "spared": sum(row not in received for row in right),
     }
