@@ -184,7 +184,7 @@ class AuditedGrabber:
         luma = _NOISE.copy()
         luma[:, :8].view(np.int64)[:] = shown
         parity = PROGRESSIVE if self._w.order is FieldOrder.PROGRESSIVE else self.camera.parity(k)
-        return LaidField(luma, parity, age)
+        return LaidField(luma, parity, age, slice(None))
 
     def thread(self) -> ThreadTimes:
         """Times of the capture thread."""

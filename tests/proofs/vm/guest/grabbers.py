@@ -2,6 +2,7 @@
 
 import atexit
 import json
+import os
 import subprocess
 import sys
 import tempfile
@@ -38,7 +39,8 @@ devices:
     threshold: {{kind: fixed, value: 128}}
     rig: {{columns: 720, lines: {lines}}}
 """
-_LINES = {"uvc": 480}
+_LINES = {"uvc": 480, "usbtv, 525 lines": 480}
+_MORE = {"usbtv, 525 lines": {"standard": "NTSC"}}
 
 
 class Grabber:
@@ -63,12 +65,13 @@ class Grabber:
 
 
 _plugged: dict[str, Grabber] = {}
+_alike: list[Grabber] = []
 
 
-def plug_in(kind: str, port: int = 0) -> dict[str, Any]:
+def plug_in(kind: str) -> dict[str, Any]:
     """Plugs one in; says what the kernel and the program make of it."""
     run(f"modprobe -a vhci-hcd {MODULES[_family(kind)]}")
-    grabber = _plugged[kind] = Grabber(kind, port)
+    grabber = _plugged[kind] = Grabber(kind, 0)
     grabber("in")
     seconds = wait_for(_nodes, PATIENCE_S)
     run("udevadm settle")
@@ -86,6 +89,27 @@ def plug_in(kind: str, port: int = 0) -> dict[str, Any]:
         ],
         "kernel": [line for line in run("dmesg").splitlines() if kind in line or "BOGUS" in line][-8:],
     }
+
+
+def plug_in_alike(kind: str, ports: Sequence[int]) -> dict[str, str]:
+    """Plugs several of a kind into these ports, one after the other; the node that each option leads to."""
+    run(f"modprobe -a vhci-hcd {MODULES[kind]}")
+    for count, port in enumerate(ports, 1):
+        _alike.append(Grabber(kind, port))
+        _alike[-1]("in")
+        wait_for(lambda: len(_nodes()) == count, PATIENCE_S)  # noqa: B023 - waited for at once
+        run("udevadm settle")
+    options = [str(found.options["device"]) for found in discover()]
+    return {option: os.path.realpath(option) for option in options}
+
+
+def unplug_alike() -> None:
+    """Takes all of them away."""
+    while _alike:
+        grabber = _alike.pop()
+        grabber("out")
+        grabber.end()
+    wait_for(lambda: not _nodes(), PATIENCE_S)
 
 
 def unplug(kind: str) -> None:
@@ -163,6 +187,34 @@ def replugged(kind: str, seconds: float) -> dict[str, Any]:
     }
 
 
+def without_a_camera(kind: str, seconds: float) -> list[str]:
+    """Captures while the camera's signal is away for so long; what the ledger says."""
+    grabber = _plugged[kind]
+    with _service(kind) as (service, _):
+        service.capture_control.start(None, CaptureRequest())
+        recording = service.instrument(None).captures.recording
+        assert recording is not None
+        _pass(grabber, LEAD)
+        grabber("signal", False)
+        time.sleep(seconds)
+        grabber("signal", True)
+        _pass(grabber, LEAD)
+        recording.stop("the test is over")
+        assert recording.sealed.wait(PATIENCE_S)
+        return _told(recording.recorder.ledger.entries)
+
+
+def opened_before_60_hz(kind: str, seconds: float) -> str:
+    """What the daemon says of a camera of 60 Hz before a grabber that is set to 50."""
+    grabber = _plugged[kind]
+    with _service(kind) as (service, _):
+        grabber("60 Hz", True)
+        board = service.instrument(None).board
+        wait_for(lambda: board.now.cause, seconds)
+        grabber("60 Hz", False)
+        return str(board.now.cause)
+
+
 def repeated(kind: str) -> dict[str, Any]:
     """Outcomes of pictures that come twice: how many, and how many different ones are received."""
     grabber = _plugged[kind]
@@ -221,8 +273,8 @@ def _rows(file: Path) -> list[dict[str, Any]]:
 def _service(kind: str) -> Iterator[tuple[Service, Path]]:
     folder = Path(tempfile.mkdtemp(prefix="grabberd-", dir="/dev/shm"))
     file = folder / "cup.yaml"
-    options = json.dumps({"usb": USB[_family(kind)]})
-    file.write_text(_CONFIG.format(options=options, lines=_LINES.get(_family(kind), 576)))
+    options = json.dumps({"usb": USB[_family(kind)], **_MORE.get(kind, {})})
+    file.write_text(_CONFIG.format(options=options, lines=_LINES.get(kind, _LINES.get(_family(kind), 576))))
     service = Service(set_up(load_config(file), file), folder)
     service.start()
     try:

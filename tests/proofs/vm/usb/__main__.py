@@ -29,6 +29,7 @@ from proofs.vm.usb.uvc import UvcCamera
 
 KINDS: dict[str, tuple[Callable[[], Usbtv | Stk1160 | UvcCamera], int]] = {
     "usbtv": (Usbtv, usbtv.VIDEO),
+    "usbtv, 525 lines": (Usbtv, usbtv.VIDEO),
     "stk1160": (Stk1160, stk1160.VIDEO),
     "uvc, YUYV": (UvcCamera, uvc.VIDEO),
     "uvc, MJPG": (partial(UvcCamera, is_jpeg=True), uvc.VIDEO),

@@ -1,5 +1,6 @@
 """Isochronous transfers in real time: what a grabber sends, and when."""
 
+import math
 import threading
 import time
 from typing import NamedTuple, Protocol
@@ -107,13 +108,14 @@ class Stream(threading.Thread):
 
     def _begin_field(self, due_s: float) -> None:
         source = self._source
-        behind = int((due_s - self._field_due_s) / source.period_s)
+        behind = math.ceil((due_s - self._field_due_s) / source.period_s)
         if behind * source.period_s > _BEHIND_S or self._silent_until_s:
-            # The camera has gone on.
+            # The camera has gone on, and goes on with its next field.
             source.field += behind
             source.skipped += 0 if self._silent_until_s else behind
             self._field_due_s += behind * source.period_s
-        self._silent_until_s = 0.0
+            self._silent_until_s = 0.0
+            return
         self._packets, silent_s = source.next_field()
         self._at = 0
         self._field_due_s += source.period_s
