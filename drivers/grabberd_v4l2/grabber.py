@@ -330,7 +330,7 @@ def _fields(running: _Running, filled: Filled) -> list[GrabbedField]:
 def _damages(
     running: _Running, filled: Filled, laid: Sequence[LaidField], damage: str | None
 ) -> Iterator[str | None]:
-    """What is wrong with each field of a buffer, given what is wrong with all of it."""
+    """The damage of each field of a buffer, given that of the whole."""
     gaps = None if running.marks is None else running.marks.gaps(filled.picture)
     profile = running.profile
     # Where the gaps are, the damage is; without any, it may be in both fields.

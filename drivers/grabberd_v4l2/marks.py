@@ -57,7 +57,7 @@ class Marks:
 
 
 def stale(field: Field, gaps: NDArray[np.bool_]) -> str | None:
-    """What is wrong with a field whose rows (rows,) have gaps; None if none has."""
+    """The damage of a field whose rows (rows,) have gaps; None if none has."""
     rows = np.flatnonzero(gaps)
     if not rows.size:
         return None
