@@ -29,7 +29,7 @@ class Marks:
     def __init__(self, granted: Granted) -> None:
         self._bytes_per_line = granted.bytes_per_line
         part_bytes = granted.columns * bytes_per_pixel(granted.fourcc) // _A_LINE
-        self._step_bytes = max(part_bytes // _WORD * _WORD, _WORD)
+        self._step_bytes = part_bytes // _WORD * _WORD
         self._shape = (granted.lines, _A_LINE)
         # What a driver never writes, as half a line, is no gap, but for the first buffer.
         self._known: NDArray[np.bool_] | None = None
@@ -37,8 +37,10 @@ class Marks:
     @classmethod
     def of(cls, granted: Granted) -> "Marks | None":
         """Marks for a stream; None if its buffers cannot have any."""
-        is_plain = not FORMATS[granted.fourcc].is_compressed and not granted.bytes_per_line % _WORD
-        return cls(granted) if is_plain else None
+        if FORMATS[granted.fourcc].is_compressed or granted.bytes_per_line % _WORD:
+            return None
+        has_room = granted.columns * bytes_per_pixel(granted.fourcc) >= _A_LINE * _WORD
+        return cls(granted) if has_room else None
 
     def put(self, buffer: NDArray[np.uint8]) -> None:
         """Marks a buffer, (bytes,), that the kernel is about to fill."""

@@ -1,5 +1,6 @@
 """Drivers of real grabbers, before emulated ones: what the ledger says, judged by the truth in each row."""
 
+import random
 from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import Any
@@ -92,6 +93,25 @@ def test_whatever_a_grabber_loses_no_row_of_another_field_is_received(
     assert found["elsewhere"] == {"said": [], "unseen": [], "spared": 0}
     assert {fault: about["unseen"] for fault, about in found["cases"].items() if about["unseen"]} == {}
     assert all(about["spared"] <= 2 for about in found["cases"].values())
+
+
+PARTS = {"usbtv": 432, "stk1160": 136, "uvc, YUYV": 226, "uvc, MJPG": 20}
+"""Parts of a field, about."""
+
+
+@pytest.mark.parametrize("bad", PARTS)
+def test_of_a_bad_cable_no_row_of_another_field_is_received(bad: str, fast: Machine) -> None:
+    draw = random.Random(7)
+    lost = [
+        [at, Fault.LOST, draw.randrange(PARTS[bad]), draw.choice((1, 1, 1, 3, 20))]
+        for at in range(300)
+        if draw.random() < 0.2
+    ]
+    with _plugged(fast, bad):
+        found = fast.call(grabbers.judged, kind=bad, cases=[("a bad cable", lost)])
+    about = found["cases"]["a bad cable"]
+    assert about["unseen"] == []
+    assert about["spared"] < len(lost)
 
 
 def _judged(machine: Machine, kind: str) -> Any:

@@ -141,15 +141,16 @@ def judged(kind: str, cases: Sequence[tuple[str, Sequence[Sequence[Any]]]]) -> d
         _pass(grabber, LEAD)
         made = []
         for name, faults in cases:
-            made.append((name, grabber("script", *faults)))
-            _pass(grabber, APART)
+            fields = APART + max(fault[0] for fault in faults)
+            made.append((name, grabber("script", *faults), fields))
+            _pass(grabber, fields)
         recording.stop("the test is over")
         assert recording.sealed.wait(PATIENCE_S)
         entries = recording.recorder.ledger.entries
         (file,) = folder.rglob("*.grab")
         rows = _rows(file)
     ahead = Counter(row["shows"] - row["n"] for row in rows).most_common(1)[0][0]
-    found = {name: _about(rows, entries, ahead, base, base + APART) for name, base in made}
+    found = {name: _about(rows, entries, ahead, base, base + fields) for name, base, fields in made}
     elsewhere = _about(rows, entries, ahead, 0, made[0][1])
     return {
         "cases": found,
