@@ -142,7 +142,7 @@ def judged(kind: str, cases: Sequence[tuple[str, Sequence[Sequence[Any]]]]) -> d
         made = []
         for name, faults in cases:
             fields = APART + max(fault[0] for fault in faults)
-            made.append((name, grabber("script", *faults), fields))
+            made.append((name, grabber("script", *faults)))
             _pass(grabber, fields)
         recording.stop("the test is over")
         assert recording.sealed.wait(PATIENCE_S)
@@ -150,7 +150,10 @@ def judged(kind: str, cases: Sequence[tuple[str, Sequence[Sequence[Any]]]]) -> d
         (file,) = folder.rglob("*.grab")
         rows = _rows(file)
     ahead = Counter(row["shows"] - row["n"] for row in rows).most_common(1)[0][0]
-    found = {name: _about(rows, entries, ahead, base, base + fields) for name, base, fields in made}
+    ends = [base for _, base in made[1:]] + [len(rows) + ahead]
+    found = {
+        name: _about(rows, entries, ahead, base, end) for (name, base), end in zip(made, ends, strict=True)
+    }
     elsewhere = _about(rows, entries, ahead, 0, made[0][1])
     return {
         "cases": found,
