@@ -150,7 +150,7 @@ def judged(kind: str, cases: Sequence[tuple[str, Sequence[Sequence[Any]]]]) -> d
         (file,) = folder.rglob("*.grab")
         rows = _rows(file)
     ahead = Counter(row["shows"] - row["n"] for row in rows).most_common(1)[0][0]
-    ends = [base for _, base in made[1:]] + [len(rows) + ahead]
+    ends = [*(base for _, base in made[1:]), rows[-1]["n"] + ahead + 3]
     found = {
         name: _about(rows, entries, ahead, base, end) for (name, base), end in zip(made, ends, strict=True)
     }
