@@ -6,7 +6,7 @@ from proofs.vm.guest import field_order, streams, vivid
 from proofs.vm.machine import Machine
 from proofs.vm.tables import Tables
 
-SECONDS = 30.0
+SECONDS = 15.0
 FORMATS = ("GREY", "YUYV", "UYVY", "NV12")
 ONE_PARITY = {"top": 0, "bottom": 1}
 OLDER = {
@@ -23,7 +23,7 @@ LIES = ("seq_bt",)
 """The test device draws the top field of these as the older, whatever it says."""
 
 NOTE = (
-    "Lost: fields lost in 30 s, according to the ledger. Rows and parity: alternating lines and squares of "
+    f"Lost: fields lost in {SECONDS:g} s, according to the ledger. Rows and parity: alternating lines and squares of "
     "the device's own patterns are where they should be. Age: a moving pattern advances by the same step "
     "from each field to the next; in seq_bt the device draws the top field as the older one, contrary to "
     "what it reports, and `older_field: top` corrects that."
