@@ -37,8 +37,8 @@ _PROGRESS = 0.01
 """Share by which the sum of squares has to fall to be worth as many steps again; near the minimum, where it
 falls no more, the steps have to become shorter."""
 _BY_ROUNDING = 1e-8
-"""Share of the sum of squares that a step may still promise where none lowers it: rounding hides the rest of the
-way, of some thousandths of the unknowns' σ."""
+"""Share of the sum of squares that a step may still promise where none lowers it: rounding hides the rest of
+the way, of some thousandths of the unknowns' σ."""
 _POLYNOMIAL = PARAMETERS[9:]
 
 
