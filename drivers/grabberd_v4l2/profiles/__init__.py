@@ -6,7 +6,7 @@ from functools import cache
 from importlib.resources import files
 from importlib.resources.abc import Traversable
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any, Literal, NamedTuple
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, field_validator
 
@@ -63,7 +63,7 @@ class Profile(BaseModel):
     driver: str = Field(min_length=1)
     also: tuple[str, ...] = ()
     # Needed by usbtv, whose frames are bottom field first even at 50 Hz without reporting it.
-    older: str | None = Field(None, pattern="^(top|bottom)$")
+    older: Literal["top", "bottom"] | None = None
     field_orders: tuple[Arrangement, ...] = Field(min_length=1)
     none_is_woven: bool = False
     # Most drivers do not count lost fields, so by default losses are detected by gaps in time.
@@ -71,7 +71,7 @@ class Profile(BaseModel):
     trusts_time: bool = True
     time_sigma_ms: float = Field(3.0, gt=0, le=40)
     flags_gaps_alone: bool = False
-    after_gap: str | None = Field(None, pattern="^(older|both)$")
+    after_gap: Literal["older", "both"] | None = None
     signal_source: SignalSource = SignalSource.NONE
     verdict: Verdict = Verdict.USABLE
     remarks: tuple[str, ...] = ()
@@ -86,7 +86,7 @@ class Profile(BaseModel):
     @property
     def old_after_gap(self) -> tuple[int, ...]:
         """Ages in a frame, in field periods, of the fields that `after_gap` names."""
-        return {None: (), "older": (1,), "both": (0, 1)}[self.after_gap]
+        return () if self.after_gap is None else {"older": (1,), "both": (0, 1)}[self.after_gap]
 
     @field_validator("field_orders", mode="before")
     @classmethod

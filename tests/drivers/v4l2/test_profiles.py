@@ -178,3 +178,8 @@ def test_everything_that_is_wrong_with_a_file_is_said_at_once(tmp_path):
 def test_a_file_that_is_no_text_is_named(tmp_path):
     (tmp_path / "broken.yaml").write_bytes(b"driver: \xff\xfe")
     assert "broken.yaml" in Profiles.load(tmp_path).remarks[0]
+
+
+def test_a_word_that_a_key_does_not_know_is_told_with_those_that_it_does(tmp_path):
+    (remark,) = load(tmp_path, usbtv="driver: usbtv\nafter_gap: first\n").remarks
+    assert "'older' or 'both'" in remark

@@ -30,6 +30,7 @@ USBTV: dict[str, list[list[Any]]] = {
     "a burst over the boundary of fields": [[0, Fault.LOST, -1], [1, Fault.LOST, 0]],
     "a burst over the boundary of frames": [[1, Fault.LOST, -1], [2, Fault.LOST, 0]],
     "the number of the frame before": [[0, Fault.REPEATED_ID]],
+    "the parity of the other field": [[0, Fault.SAME_PARITY]],
     "silence for .4 s": [[1, Fault.SILENCE, 0.4]],
 }
 STK1160: dict[str, list[list[Any]]] = {
@@ -42,6 +43,7 @@ STK1160: dict[str, list[list[Any]]] = {
     "a second field": [[1, Fault.FIELD]],
     "a frame": [[0, Fault.FIELD], [1, Fault.FIELD]],
     "a burst over the boundary of frames": [[1, Fault.LOST, -3, 3], [2, Fault.LOST, 0, 4]],
+    "the parity of the other field": [[0, Fault.SAME_PARITY]],
     "silence for .4 s": [[1, Fault.SILENCE, 0.4]],
 }
 UVC: dict[str, list[list[Any]]] = {
