@@ -15,12 +15,13 @@ from operator import or_
 from pathlib import Path
 from typing import Any, NamedTuple
 
+from grabberd.core.field import LARGEST_SIDE_PX
 from grabberd.errors import DeviceAbsent, DeviceError, DeviceRefused
 from grabberd.instrument.acquisition.device import SYSTEM, FoundDevice, Roots, Verdict
 from grabberd_v4l2 import abi
 from grabberd_v4l2.abi import ONE_FIELD, Arrangement
 from grabberd_v4l2.devices import Identity, UsbPlace, VideoNode, find_node, node_at, usb_places, video_nodes
-from grabberd_v4l2.formats import FORMATS, RAW, in_words, offered
+from grabberd_v4l2.formats import FORMATS, LEAST_HZ, MOST_HZ, RAW, in_words, offered, wishes
 from grabberd_v4l2.node import Kernel, LinuxKernel, Node
 from grabberd_v4l2.profiles import Profile, Profiles
 
@@ -166,6 +167,7 @@ class Answers:
         formats: Supported pixel formats that grabberd reads; `other_formats`: all others.
         field_orders: Field orders that it grants.
         pictures: Sizes and rates of a camera without standards, in words; "" for all others.
+        can_be_taken: False if grabberd can read none of these pictures, whatever their format.
     """
 
     kernel_driver: str
@@ -179,6 +181,7 @@ class Answers:
     other_formats: tuple[str, ...] = ()
     field_orders: tuple[Arrangement, ...] = ()
     pictures: str = ""
+    can_be_taken: bool = True
 
     @property
     def is_camera(self) -> bool:
@@ -206,6 +209,7 @@ def _answers(node: Node, kernel_driver: str, card: str) -> Answers:
     # Only the selected input counts: a card may have inputs with and without standards.
     has_standards = bool(node.standards())
     readable = tuple(name for name in (RAW if has_standards else FORMATS) if name in formats)
+    modes = [] if has_standards else list(offered(node, readable))
     return Answers(
         kernel_driver=kernel_driver,
         card=card,
@@ -217,7 +221,8 @@ def _answers(node: Node, kernel_driver: str, card: str) -> Answers:
         formats=readable,
         other_formats=tuple(name for name in formats if name not in readable),
         field_orders=tuple(_field_orders(node, formats)),
-        pictures="" if has_standards or not readable else in_words(list(offered(node, readable))),
+        pictures=in_words(modes) if modes else "",
+        can_be_taken=not modes or bool(wishes(modes, dict.fromkeys(readable, 0), None, None)),
     )
 
 
@@ -307,6 +312,11 @@ def _faults(seen: _Seen) -> Iterator[str]:
     if not answers.formats:
         known = ", ".join(answers.other_formats) or "none"
         yield f"It has no format that grabberd reads ({', '.join(FORMATS)}), only {known}."
+    if not answers.can_be_taken:
+        yield (
+            f"None of its pictures can be taken ({answers.pictures}): grabberd needs an even number of "
+            f"lines, at most {LARGEST_SIDE_PX} pixels each way and {LEAST_HZ} to {MOST_HZ} pictures a second."
+        )
 
 
 def _verdict(profile: Profile, node: VideoNode, faults: tuple[str, ...]) -> Verdict:

@@ -19,8 +19,8 @@ from grabberd_v4l2.node import Node
 Size = tuple[int, int]
 """Pixels per line, and lines."""
 
-LEAST_HZ = 5
-"""Minimum rate: slower streams look like a grabber that has stopped."""
+LEAST_HZ, MOST_HZ = 5, 1000
+"""Rates that are taken: slower streams look like a grabber that has stopped, faster ones are no camera's."""
 ENOUGH_HZ = 25
 """Rate below which a mode is chosen only if requested, or if there is no faster one."""
 _NEAR = 2e-3
@@ -87,7 +87,7 @@ def wishes(
         modes: Modes that the camera offers.
         ranks: Allowed formats with their rank; the lowest is the best.
         size: The only size, or None for any.
-        rate_hz: The only rate, or None for any of at least `LEAST_HZ`.
+        rate_hz: The only rate, or None for any from `LEAST_HZ` to `MOST_HZ`.
     """
     found = [
         Wish(mode, rate)
@@ -155,7 +155,7 @@ def _wanted(rates_hz: Sequence[Fraction], rate_hz: float | None) -> Iterator[Fra
     if not rates_hz:
         yield None if rate_hz is None else Fraction(rate_hz).limit_denominator(1001)
     for one in rates_hz:
-        if one >= LEAST_HZ if rate_hz is None else is_near(one, rate_hz):
+        if LEAST_HZ <= one <= MOST_HZ if rate_hz is None else is_near(one, rate_hz):
             yield one
 
 

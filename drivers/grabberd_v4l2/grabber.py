@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from grabberd.core.ledger import OF_FRAME_BEFORE
-from grabberd.errors import Cause, DeviceLost, DeviceRefused, StreamFailed
+from grabberd.errors import Cause, DeviceError, DeviceLost, DeviceRefused, StreamFailed
 from grabberd.instrument.acquisition.device import SYSTEM, GrabbedField, Roots, Signal, StreamInfo, Verdict
 from grabberd_v4l2 import abi, formats
 from grabberd_v4l2.abi import Arrangement
@@ -158,6 +158,7 @@ class V4l2Grabber:
         self._kernel = kernel or LinuxKernel()
         self._roots = roots
         self._node: Node | None = None
+        self._abandoned: tuple[Node, Stream] | None = None
         self._running: _Running | None = None
         self._layout: Layout | None = None
         self._called_ns = 0
@@ -182,6 +183,7 @@ class V4l2Grabber:
         """
         if self._node is not None:
             raise DeviceRefused(f"{self._node.path} is open already", "close it first")
+        self._let_go_of_abandoned()
         path = find_node(self.options.identity, self._roots)
         try:
             with opening(path):
@@ -279,10 +281,39 @@ class V4l2Grabber:
         jpeg = JpegLuma(granted.lines, granted.columns) if FORMATS[granted.fourcc].is_compressed else None
         whole_bytes = picture_bytes(granted)
         marks = Marks.of(granted)
-        stream = Stream(node, self.options.buffers, whole_bytes, marks)
+        stream = self._started_stream(node, profile, whole_bytes, marks)
         layout = replace(layout, granted=replace(granted, buffers=stream.buffers))
         info = stream_info(layout, profile, times, watch.tells, node.path, remarks)
         return _Running(stream, layout, times, watch, profile, jpeg, marks, whole_bytes, info)
+
+    def _started_stream(self, node: Node, profile: Profile, whole_bytes: int, marks: Marks | None) -> Stream:
+        stream = Stream(node, self.options.buffers, whole_bytes, marks)
+        try:
+            stream.start()
+        except BaseException:
+            if profile.starts_again:
+                stream.stop()
+            else:
+                self._abandoned, self._node = (node, stream), None
+                with contextlib.suppress(DeviceError):
+                    reset_of(self.options.identity, self._roots)
+            raise
+        return stream
+
+    def _let_go_of_abandoned(self) -> None:
+        """Frees the buffers of a failed start, if the driver that may use them has been unbound by now."""
+        if self._abandoned is None:
+            return
+        node, stream = self._abandoned
+        with contextlib.suppress(OSError):
+            node.capability()
+            raise DeviceRefused(
+                f"{node.path} has failed to start, and its driver must not be started again",
+                "unplug it and plug it in again; where grabberd may reset it, it does that by itself",
+            )
+        self._abandoned = None
+        stream.stop()
+        node.close()
 
     def _streaming(self) -> _Running:
         if self._node is None:

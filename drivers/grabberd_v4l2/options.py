@@ -18,7 +18,7 @@ from grabberd.errors import said
 from grabberd_v4l2 import formats
 from grabberd_v4l2.abi import Arrangement
 from grabberd_v4l2.devices import Identity
-from grabberd_v4l2.formats import FORMATS, LEAST_HZ
+from grabberd_v4l2.formats import FORMATS, LEAST_HZ, MOST_HZ
 from grabberd_v4l2.profiles import DIRECTORY
 
 FIELD_ORDERS = tuple(a.name.lower() for a in Arrangement if a is not Arrangement.ANY)
@@ -55,7 +55,7 @@ class V4l2Options(BaseModel):
     input: int | str | None = None
     standard: str | None = None
     size: str | None = None
-    rate_hz: float | None = Field(None, ge=LEAST_HZ, le=1000)
+    rate_hz: float | None = Field(None, ge=LEAST_HZ, le=MOST_HZ)
     format: tuple[str, ...] = tuple(FORMATS)
     field_order: str | None = None
     older_field: Literal["top", "bottom"] | None = None

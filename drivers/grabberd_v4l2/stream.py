@@ -47,6 +47,12 @@ _HUNG = _Meaning(
     "does not respond properly",
     "grabberd retries; if this persists, unplug it and plug it in again",
 )
+_NO_BANDWIDTH = _Meaning(
+    Cause.NO_BANDWIDTH,
+    "finds no bandwidth left on its USB bus",
+    "PAL takes 20.7 MB/s: one dongle per USB 2.0 bus, none at USB 1.1 speed; plug it into another bus, "
+    "or ask a digital camera for a smaller 'size' or 'rate_hz', or for 'format: MJPG'",
+)
 _MEANINGS = {
     errno.EBUSY: _Meaning(
         Cause.DEVICE_BUSY,
@@ -61,12 +67,9 @@ _MEANINGS = {
         "is not a video device, or lacks a required function",
         "'grabberd devices' lists the available devices",
     ),
-    errno.ENOSPC: _Meaning(
-        Cause.NO_BANDWIDTH,
-        "finds no bandwidth left on its USB bus",
-        "PAL takes 20.7 MB/s: one dongle per USB 2.0 bus, none at USB 1.1 speed; plug it into another bus, "
-        "or ask a digital camera for a smaller 'size' or 'rate_hz', or for 'format: MJPG'",
-    ),
+    errno.ENOSPC: _NO_BANDWIDTH,
+    # Returned by stk1160 where the bus has refused the setting with large packets.
+    errno.EMSGSIZE: _NO_BANDWIDTH,
     errno.ENOMEM: _Meaning(
         Cause.DEVICE_REFUSED,
         "gets no memory for its buffers",
@@ -154,7 +157,7 @@ class Filled(NamedTuple):
 
 
 class Stream:
-    """A node that streams into mapped buffers.
+    """A node with mapped buffers, into which it streams once it is started.
 
     Args:
         node: The node.
@@ -168,7 +171,7 @@ class Stream:
     """
 
     def __init__(self, node: Node, count: int, picture_bytes: int, marks: Marks | None = None) -> None:
-        """Allocates and queues the buffers, and starts the stream.
+        """Allocates the buffers.
 
         Raises:
             DeviceRefused: The buffers are too few or too small.
@@ -180,13 +183,13 @@ class Stream:
         self._source_changed = False
         self._buffers = Buffers(node, count, picture_bytes, marks)
         self.buffers = len(self._buffers)
-        try:
-            self._start()
-        except BaseException:
-            self.stop()
-            raise
 
-    def _start(self) -> None:
+    def start(self) -> None:
+        """Queues the buffers and starts the stream; after a failure, `stop` releases them.
+
+        Raises:
+            OSError: A call failed.
+        """
         refusal = self._buffers.queue_idle()
         if refusal is not None:
             raise refusal

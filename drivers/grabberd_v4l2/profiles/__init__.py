@@ -50,6 +50,8 @@ class Profile(BaseModel):
         flags_gaps_alone: True if a flagged picture lacks parts, and nothing else is wrong with it.
         after_gap: "older" or "both": fields of the first woven frame after a gap that may be of the frame
             before, since the driver did not see where that ended.
+        starts_again: False if the driver must not be started again after a start that failed, nor the
+            buffers of that start be freed, before the device has been reset or replugged.
         signal_source: Query that reports a missing camera.
         verdict: Verdict on the driver.
         remarks: Reasons for the verdict, as sentences.
@@ -72,6 +74,7 @@ class Profile(BaseModel):
     time_sigma_ms: float = Field(3.0, gt=0, le=40)
     flags_gaps_alone: bool = False
     after_gap: Literal["older", "both"] | None = None
+    starts_again: bool = True
     signal_source: SignalSource = SignalSource.NONE
     verdict: Verdict = Verdict.USABLE
     remarks: tuple[str, ...] = ()

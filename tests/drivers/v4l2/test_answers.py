@@ -4,7 +4,7 @@ import errno
 
 import pytest
 
-from drivers.v4l2.fake_kernel import Card, FakeKernel
+from drivers.v4l2.fake_kernel import Camera, Card, FakeKernel
 from grabberd_v4l2 import abi
 from grabberd_v4l2.abi import Arrangement
 from grabberd_v4l2.discovery import ask
@@ -73,3 +73,13 @@ def test_a_card_that_goes_away_meanwhile_cannot_be_asked(kernel):
     with pytest.raises(OSError, match="ENUM_FMT"):
         ask(kernel, "/dev/video0")
     assert kernel.descriptors == {}
+
+
+@pytest.mark.parametrize(
+    "modes", [{(0, 480): (30,)}, {(640, 480): (10**7,)}, {(640, 480): (1,)}, {(641, 479): (30,)}]
+)
+def test_a_camera_none_of_whose_pictures_can_be_taken_is_known_by_its_answers(kernel, modes):
+    kernel.add("/dev/video0", Camera(modes={"MJPG": modes}))
+    assert not ask(kernel, "/dev/video0").can_be_taken
+    kernel.add("/dev/video1", Camera(modes={"MJPG": modes, "YUYV": {(640, 480): (30,)}}))
+    assert ask(kernel, "/dev/video1").can_be_taken

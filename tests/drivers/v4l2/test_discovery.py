@@ -2,6 +2,7 @@
 
 import errno
 import os
+from dataclasses import replace
 
 import pytest
 
@@ -174,6 +175,13 @@ def test_a_card_without_a_format_that_can_be_read_is_unusable(computer):
     (device,) = found(computer, answers)
     assert device.verdict is Verdict.UNUSABLE
     assert any("only MJPG" in remark for remark in device.remarks)
+
+
+def test_a_camera_none_of_whose_pictures_can_be_taken_is_unusable(computer):
+    computer.plug_dongle(0, "uvcvideo")
+    (one,) = found(computer, replace(WEBCAM, pictures="MJPG 0×480 at 30", can_be_taken=False))
+    assert one.verdict is Verdict.UNUSABLE
+    assert any("MJPG 0×480 at 30" in remark for remark in one.remarks)
 
 
 def test_a_dongle_at_usb_1_1_speed_is_unusable(computer):

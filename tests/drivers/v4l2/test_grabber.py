@@ -6,7 +6,7 @@ import errno
 import pytest
 
 from drivers.v4l2.bench import Bench, card_with, dongle
-from grabberd.errors import DeviceAbsent, DeviceError, DeviceLost, DeviceRefused, StreamFailed
+from grabberd.errors import Cause, DeviceAbsent, DeviceError, DeviceLost, DeviceRefused, StreamFailed
 from grabberd.instrument.acquisition import GRABBERS, Signal
 from grabberd_v4l2 import V4l2Grabber
 from grabberd_v4l2.abi import Arrangement
@@ -71,6 +71,36 @@ def test_a_device_that_does_not_answer_asks_for_the_next_step_of_recovery(bench)
     with pytest.raises(StreamFailed, match="does not respond"):
         bench.grabber.open()
     assert bench.nothing_is_left_behind()
+
+
+def test_a_driver_that_does_not_recover_from_a_failed_start_is_not_started_again_before_a_replug(tmp_path):
+    bench = Bench(tmp_path, dongle(driver="usbtv"))
+    bench.card.answers["STREAMON"].append(errno.ENOSPC)
+    with pytest.raises(DeviceRefused, match="no bandwidth"):
+        bench.grabber.open()
+    bench.grabber.close()
+    assert bench.card.queue.memories, "the driver may still use its buffers"
+    started = bench.kernel.calls.count("STREAMON")
+    for _ in range(3):
+        with pytest.raises(DeviceRefused, match="must not be started again") as caught:
+            bench.grabber.open()
+        assert "unplug it" in caught.value.hint
+    assert bench.kernel.calls.count("STREAMON") == started
+    bench.unplug()
+    with pytest.raises(DeviceAbsent):
+        bench.grabber.open()
+    bench.plug()
+    bench.grabber.open()
+    bench.grabber.close()
+    assert bench.nothing_is_left_behind()
+
+
+def test_a_bus_without_bandwidth_is_named_whatever_the_driver_calls_it(bench):
+    for number in (errno.ENOSPC, errno.EMSGSIZE):
+        bench.card.answers["STREAMON"].append(number)
+        with pytest.raises(DeviceRefused, match="no bandwidth") as caught:
+            bench.grabber.open()
+        assert caught.value.cause is Cause.NO_BANDWIDTH
 
 
 def test_what_is_not_there_is_absent(bench):

@@ -135,6 +135,22 @@ def test_when_the_signal_is_back_but_no_field_it_is_helped() -> None:
     assert 10.8 <= one.first(S.RECOVERING) <= 12.0
 
 
+def test_a_decoder_that_takes_seconds_to_answer_is_asked_rarely() -> None:
+    clock = SimulatedClock()
+    grabber = Scripted(clock, *[50] * 100)
+    asked_s: list[float] = []
+
+    def signal() -> Signal:
+        asked_s.append(clock.passed_s)
+        clock.sleep(2.0)
+        return Signal.UNKNOWN
+
+    grabber.signal = signal  # type: ignore[method-assign]
+    Run(grabber, clock, 90.0)
+    assert 2 <= len(asked_s) <= 4
+    assert min(np.diff(asked_s)) >= 38.0
+
+
 def test_a_recording_may_pause() -> None:
     one, _ = run(2, *[0] * 100, 2, StreamEnded("over", ""), end_s=60.0, info=replace(INFO, live=False))
     assert one.states == [S.OPENING, S.READY, S.ENDED]

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from proofs.vm.guest import unit
-from proofs.vm.image import CHECKOUT, cached_image
+from proofs.vm.image import CHECKOUT, RELEASES, cached_image
 from proofs.vm.installed import Installed
 from proofs.vm.machine import Machine, Processor, concurrent, counted
 from proofs.vm.tables import KERNEL, SYSTEMD, Tables
@@ -19,17 +19,18 @@ RESULTS_OF_SERVICE = REFERENCE / "real-systemd.md"
 LIMIT_S = 900
 """Of one test, the image's building and a boot included; a call into the machine has a shorter limit."""
 
-_PROCESSORS: dict[str, Callable[[], Processor]] = {
-    "timed": lambda: counted(1),
-    "fast": lambda: counted(0),
-    "concurrent": concurrent,
+_MACHINES: dict[str, tuple[Callable[[], Processor], str]] = {
+    "timed": (lambda: counted(1), RELEASES[0]),
+    "fast": (lambda: counted(0), RELEASES[0]),
+    "newer": (lambda: counted(0), RELEASES[1]),
+    "concurrent": (concurrent, RELEASES[0]),
 }
 _tables = pytest.StashKey[Tables]()
 _service_tables = pytest.StashKey[Tables]()
 
 
 class Machines:
-    """One of each processor, paused while nobody uses it; one that has died is booted anew."""
+    """One of each kind, paused while nobody uses it; one that has died is booted anew."""
 
     def __init__(self) -> None:
         self._image = cached_image()
@@ -83,7 +84,8 @@ class Machines:
         return self._booting[name]
 
     def _booted(self, name: str) -> Machine:
-        machine = Machine(self._image, _PROCESSORS[name]())
+        processor, release = _MACHINES[name]
+        machine = Machine(self._image, processor(), release=release)
         machine.pause()
         return machine
 
@@ -131,10 +133,10 @@ def service_tables(pytestconfig: pytest.Config) -> Tables:
 def machines(request: pytest.FixtureRequest) -> Iterator[Machines]:
     """All of them; those that the collected tests name are booted ahead."""
     made = Machines()
-    wanted = [name for item in request.session.items for name in getattr(item, "fixturenames", ())]
+    wanted = [name for item in request.session.items for name in _names(item)]
     if "installed" in wanted:
         made.expect_installed()
-    made.expect([name for name in dict.fromkeys(wanted) if name in _PROCESSORS])
+    made.expect([name for name in dict.fromkeys(wanted) if name in _MACHINES])
     yield made
     made.stop()
 
@@ -149,6 +151,12 @@ def timed(machines: Machines) -> Iterator[Machine]:
 def fast(machines: Machines) -> Iterator[Machine]:
     """The same with a processor twice as fast, for work that is heavy."""
     yield from _lent(machines, "fast")
+
+
+@pytest.fixture
+def newer(machines: Machines) -> Iterator[Machine]:
+    """The same under Debian 13's kernel."""
+    yield from _lent(machines, "newer")
 
 
 @pytest.fixture
@@ -170,6 +178,13 @@ def service(installed: Installed) -> Machine:
     """The same, for tests that boot nothing: its service is ready, nothing is captured."""
     installed.machine.call(unit.until_ready, timeout_s=600)
     return installed.machine
+
+
+def _names(item: pytest.Item) -> Iterator[str]:
+    """Fixtures of a test, and words among its parameters, of which one may be a machine's name."""
+    yield from getattr(item, "fixturenames", ())
+    if hasattr(item, "callspec"):
+        yield from (value for value in item.callspec.params.values() if isinstance(value, str))
 
 
 def _lent(machines: Machines, name: str) -> Iterator[Machine]:

@@ -4,6 +4,7 @@ import os
 import shutil
 import subprocess
 from collections.abc import Sequence
+from pathlib import Path
 
 PROGRAMS = {
     "qemu-system-x86_64": "qemu-system-x86",
@@ -73,6 +74,53 @@ def run_retried(*command: str, tries: int = 3, cwd: os.PathLike[str] | None = No
         except RuntimeError as error:
             print(f"trying again: {error}", flush=True)
     return run(*command, cwd=cwd)
+
+
+class Archive:
+    """Debian's packages of a release, without a word to the host's own lists of packages.
+
+    Args:
+        release: Its code name ("trixie").
+        folder: Lists and packages go there.
+
+    Raises:
+        RuntimeError: apt says no.
+    """
+
+    def __init__(self, release: str, folder: Path) -> None:
+        self._folder = folder
+        (folder / "lists" / "partial").mkdir(parents=True)
+        (folder / "sources.list").write_text(apt_sources().replace(own_release(), release))
+        run_retried("apt-get", *self._options, "update")
+
+    @property
+    def _options(self) -> Sequence[str]:
+        own = {
+            "Etc::sourcelist": self._folder / "sources.list",
+            "Etc::sourceparts": "-",
+            "State::Lists": self._folder / "lists",
+            "Cache": self._folder / "cache",
+        }
+        return ["-qq", *(f"-oDir::{name}={value}" for name, value in own.items())]
+
+    def cache(self, *words: str) -> str:
+        """What `apt-cache` knows."""
+        return run("apt-cache", *self._options, *words)
+
+    def download(self, package: str) -> Path:
+        """The package's file."""
+        run_retried("apt-get", *self._options, "download", package, cwd=self._folder)
+        (file,) = self._folder.glob(f"{package}_*.deb")
+        return file
+
+
+def own_release() -> str:
+    """The code name of the host's Debian."""
+    return next(
+        line.partition("=")[2].strip('"')
+        for line in Path("/etc/os-release").read_text().splitlines()
+        if line.startswith("VERSION_CODENAME=")
+    )
 
 
 def apt_sources() -> str:

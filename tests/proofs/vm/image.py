@@ -1,5 +1,7 @@
 """The virtual machine's disk: a minimal Debian with Python and what grabberd needs, built once and kept.
 
+It boots with the kernel of either Debian release.
+
 The image does not hold the checkout: that comes through a share, so a change of the source needs no new
 image. It is kept below `$GRABBERD_VM_CACHE` (or the user's cache folder) under a name made of its recipe.
 
@@ -39,6 +41,8 @@ PACKAGES = (
 SITE = "opt/site"
 """Where the Python packages are in the guest."""
 SIZE_MB = 2600
+RELEASES = ("bookworm", "trixie")
+"""Debian 12 and 13, whose kernels it has; the rest is of the host's own release."""
 
 AGENT_UNIT = """[Unit]
 Description=Runs what the host asks for
@@ -93,15 +97,13 @@ class Image:
         """The root, ext4 without a partition table."""
         return self.folder / "root.ext4"
 
-    @property
-    def kernel(self) -> Path:
-        """Debian's, compressed."""
-        return self.folder / "vmlinuz"
+    def kernel(self, release: str) -> Path:
+        """Of a Debian release, compressed."""
+        return self.folder / f"vmlinuz-{release}"
 
-    @property
-    def initrd(self) -> Path:
-        """Mounts the disk."""
-        return self.folder / "initrd.gz"
+    def initrd(self, release: str) -> Path:
+        """Mounts the disk, by that kernel."""
+        return self.folder / f"initrd-{release}.gz"
 
 
 def cached_image() -> Image:
@@ -131,7 +133,7 @@ def cache_folder() -> Path:
 def stamp() -> str:
     """Names the recipe: these files, the Python packages that the project names and their versions."""
     recipe = hashlib.sha256()
-    for file in (__file__, kernel.__file__):
+    for file in (__file__, kernel.__file__, host.__file__):
         recipe.update(Path(file).read_bytes())
     recipe.update("\n".join(python_packages() + _constraints()).encode())
     return recipe.hexdigest()[:16]
@@ -161,11 +163,12 @@ def _build(cache: Path, image: Image) -> None:
         root = _bootstrap(folder)
         _say("Python packages …")
         _install_python_packages(root)
-        _say("kernel …")
-        unpacked = kernel.unpack(folder)
-        version = kernel.install(unpacked, root)
-        shutil.copy(unpacked / "boot" / f"vmlinuz-{version}", made.kernel)
-        kernel.write_first_root(root, version, folder / "first", made.initrd)
+        for release in RELEASES:
+            _say(f"{release}'s kernel …")
+            unpacked = kernel.unpack(release, folder)
+            version = kernel.install(unpacked, root)
+            shutil.copy(unpacked / "boot" / f"vmlinuz-{version}", made.kernel(release))
+            kernel.write_first_root(root, version, folder / f"first-{release}", made.initrd(release))
         _set_up(root)
         _make_disk(root, made.disk)
         shutil.rmtree(image.folder, ignore_errors=True)
@@ -186,7 +189,7 @@ def _bootstrap(folder: Path) -> Path:
                 include,
                 *excluded,
                 *host.apt_options(),
-                _suite(),
+                host.own_release(),
                 str(root),
                 "-",
                 stdin=host.apt_sources(),
@@ -198,14 +201,6 @@ def _bootstrap(folder: Path) -> Path:
             _say(f"trying again: {error}")
             shutil.rmtree(root, ignore_errors=True)
     return root
-
-
-def _suite() -> str:
-    return next(
-        line.partition("=")[2].strip('"')
-        for line in Path("/etc/os-release").read_text().splitlines()
-        if line.startswith("VERSION_CODENAME=")
-    )
 
 
 def _install_python_packages(root: Path) -> None:

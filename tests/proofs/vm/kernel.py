@@ -1,10 +1,11 @@
-"""Debian's own kernel: its image, the modules that the guest needs, and a first root that mounts the real."""
+"""Debian's own kernels: images, the modules that the guest needs, and a first root that mounts the real."""
 
+import lzma
 import re
 import shutil
 from pathlib import Path
 
-from proofs.vm.host import run, run_retried
+from proofs.vm.host import Archive, run
 
 META_PACKAGE = "linux-image-amd64"
 MODULE_FOLDERS = (
@@ -49,28 +50,20 @@ exec /bin/busybox switch_root /root /sbin/init
 """
 
 
-def package_name() -> str:
-    """The newest kernel's package, with its version in its name."""
-    text = run("apt-cache", "depends", META_PACKAGE)
-    names = re.findall(r"Depends: (linux-image-\S+)", text)
+def unpack(release: str, folder: Path) -> Path:
+    """Fetches and unpacks the newest kernel of a Debian release ("trixie") below a folder."""
+    archive = Archive(release, folder / release)
+    names = re.findall(r"Depends: (linux-image-\S+)", archive.cache("depends", META_PACKAGE))
     if not names:
-        raise RuntimeError(f"apt knows no {META_PACKAGE}; is its list of packages there? (apt-get update)")
-    return names[0]
-
-
-def unpack(folder: Path) -> Path:
-    """Fetches and unpacks the kernel's package below a folder."""
-    name = package_name()
-    run_retried("apt-get", "download", name, cwd=folder)
-    (archive,) = folder.glob(f"{name}_*.deb")
-    run("dpkg-deb", "-x", str(archive), str(folder / "kernel"))
-    archive.unlink()
-    return folder / "kernel"
+        raise RuntimeError(f"Debian's archive has no {META_PACKAGE} for {release}")
+    package = archive.download(names[0])
+    run("dpkg-deb", "-x", str(package), str(folder / release / "kernel"))
+    return folder / release / "kernel"
 
 
 def install(kernel: Path, root: Path) -> str:
     """Copies the needed modules into the guest's root; returns the kernel's version."""
-    (modules,) = (kernel / "lib" / "modules").iterdir()
+    (modules,) = [*kernel.glob("lib/modules/*"), *kernel.glob("usr/lib/modules/*")]
     version, target = modules.name, root / "usr" / "lib" / "modules" / modules.name
     for part in MODULE_FOLDERS:
         _copy(modules / "kernel" / part, target / "kernel" / part)
@@ -96,11 +89,15 @@ def write_first_root(root: Path, version: str, folder: Path, archive: Path) -> N
 
 
 def _copy(source: Path, target: Path) -> None:
-    target.parent.mkdir(parents=True, exist_ok=True)
-    if source.is_dir():
-        shutil.copytree(source, target, dirs_exist_ok=True)
-    elif source.exists():
-        shutil.copy(source, target)
+    """A module or a folder of them, unpacked: from Debian 13 on they are compressed."""
+    packed = source.with_name(source.name + ".xz")
+    for module in source.rglob("*.ko*") if source.is_dir() else filter(Path.exists, (source, packed)):
+        there = target / module.relative_to(source) if source.is_dir() else target
+        there.parent.mkdir(parents=True, exist_ok=True)
+        if module.suffix == ".xz":
+            there.with_name(module.stem).write_bytes(lzma.decompress(module.read_bytes()))
+        else:
+            shutil.copy(module, there)
 
 
 def _in_order(dependencies: Path) -> list[str]:

@@ -13,7 +13,7 @@ from pathlib import Path
 from types import TracebackType
 from typing import Any, Self
 
-from proofs.vm.image import CHECKOUT, Image
+from proofs.vm.image import CHECKOUT, RELEASES, Image
 from proofs.vm.qmp import Qmp
 
 BOOT_TIMEOUT_S = 600.0
@@ -76,6 +76,9 @@ class Machine:
     It has no network, but for a port of the host's loopback that leads to one of its own, if it is
     `forwarded`: (the host's, the guest's). Nothing else goes through, in either direction.
 
+    Args:
+        release: Debian's, whose kernel runs.
+
     Attributes:
         share: a folder that host and guest (there: /share) both write.
         calls: what was called, with the guest's and the host's seconds.
@@ -86,6 +89,7 @@ class Machine:
         image: Image,
         processor: Processor,
         *,
+        release: str = RELEASES[0],
         memory_mb: int = 1024,
         disks: Disks | None = None,
         forwarded: tuple[int, int] | None = None,
@@ -99,6 +103,7 @@ class Machine:
         self._id = 0
         self._disks = disks
         self._forwarded = forwarded
+        self._kernel = ("-kernel", str(image.kernel(release)), "-initrd", str(image.initrd(release)))
         self._process = self._launch(image, memory_mb)
         try:
             self._agent = self._connect("agent")
@@ -192,7 +197,7 @@ class Machine:
         return [
             *("-nodefaults", "-no-user-config", "-display", "none", "-no-reboot", "-machine", "q35"),
             *("-cpu", "Nehalem", "-m", str(memory_mb), *self.processor.arguments),
-            *("-kernel", str(image.kernel), "-initrd", str(image.initrd), "-append", _KERNEL_WORDS),
+            *(*self._kernel, "-append", _KERNEL_WORDS),
             *_drives(image, self._disks),
             *_share("checkout", CHECKOUT, readonly=True),
             *_share("share", self.share),

@@ -50,6 +50,23 @@ class Tables:
         table = self._tables.setdefault(title, Table(title, tuple(row), note))
         table.rows.append(row)
 
+    def add_beside(self, title: str, of: str, note: str = "", **cells: object) -> None:
+        """The same of another case `of` what was added before: one row where nothing else differs.
+
+        Where something does, the row follows that of the other case, which has the same words up to `of`.
+        """
+        self.add(title, note, **cells)
+        rows = self._tables[title].rows
+        row = rows.pop()
+        same = [name for name in row if name != of]
+        alike = list(row)[: list(row).index(of)]
+        for index, other in enumerate(rows):
+            if all(other[name] == row[name] for name in same):
+                rows[index] = {**other, of: f"{other[of]}, {row[of]}"}
+                return
+        near = [k for k, other in enumerate(rows) if all(other[name] == row[name] for name in alike)]
+        rows.insert(near[-1] + 1 if near else len(rows), row)
+
     def __bool__(self) -> bool:
         """Whether there are any."""
         return bool(self._tables)

@@ -97,10 +97,7 @@ def test_the_grabber_is_set_up(walk: Walk) -> None:
     walk.begin("Set up the grabber")
     devices = walk.types(f"grabberd devices --config {CONFIG}")
     assert "/dev/video0" in devices
-    walk.types(
-        "sed -i 's|# input: S-Video|field_order: interlaced|; "
-        f"s|# object: liner.yaml|object: {SHARE}/configs/objects/liner.yaml|' {CONFIG}"
-    )
+    walk.types(f"sed -i 's|# object: liner.yaml|object: {SHARE}/configs/objects/liner.yaml|' {CONFIG}")
     walk.types(f"grabberd check-config {CONFIG}")
     walk.types("systemctl restart grabberd")
     walk.waits("until fields arrive", unit.until_ready)

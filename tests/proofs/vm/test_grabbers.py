@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 
-from proofs.vm.guest import grabbers, vivid
+from proofs.vm.guest import emulated, grabbers, shell, vivid
 from proofs.vm.machine import Machine
 from proofs.vm.tables import Tables
 from proofs.vm.usb.faults import Fault
@@ -56,37 +56,45 @@ UVC: dict[str, list[list[Any]]] = {
     "a burst over the boundary of pictures": [[0, Fault.LOST, -3, 3], [1, Fault.LOST, 0, 3]],
     "silence for .4 s": [[0, Fault.SILENCE, 0.4]],
 }
-CASES = {"usbtv": USBTV, "usbtv, 525 lines": USBTV, "stk1160": STK1160, "uvc, YUYV": UVC, "uvc, MJPG": UVC}
-
-
-@pytest.fixture(params=CASES)
-def kind(request: pytest.FixtureRequest, fast: Machine) -> Iterator[str]:
-    """A grabber that is plugged in."""
-    with _plugged(fast, request.param):
-        yield request.param
+CASES = {
+    "usbtv": USBTV,
+    "usbtv, 525 lines": USBTV,
+    "stk1160": STK1160,
+    "uvc, YUYV": UVC,
+    "uvc, bulk": UVC,
+    "uvc, MJPG": UVC,
+}
+UNDER_BOTH = ("usbtv", "stk1160", "uvc, YUYV", "uvc, MJPG")
+RUNS = [(kind, "fast") for kind in CASES] + [(kind, "newer") for kind in UNDER_BOTH]
 
 
 @contextmanager
 def _plugged(machine: Machine, kind: str) -> Iterator[None]:
     machine.call(vivid.unload)
-    plugged = machine.call(grabbers.plug_in, kind=kind)
-    assert "/dev/video0" in plugged["nodes"], plugged["kernel"]
+    found = machine.call(emulated.plug_in, kind=kind)
+    assert "/dev/video0" in found["nodes"], found["kernel"]
     try:
         yield
     finally:
-        machine.call(grabbers.unplug, kind=kind)
+        machine.call(emulated.unplug, kind=kind)
 
 
+@pytest.mark.parametrize(("kind", "machine"), RUNS)
 def test_whatever_a_grabber_loses_no_row_of_another_field_is_received(
-    kind: str, fast: Machine, tables: Tables
+    kind: str, machine: str, request: pytest.FixtureRequest, tables: Tables
 ) -> None:
-    found = _judged(fast, kind)
+    guest = request.getfixturevalue(machine)
+    kernel = ".".join(guest.call(shell.run, command="uname -r").split(".")[:2])
+    with _plugged(guest, kind):
+        found = _judged(guest, kind)
     for fault, about in found["cases"].items():
-        tables.add(
+        tables.add_beside(
             "Grabbers",
-            NOTE,
+            of="kernel",
+            note=NOTE,
             driver=kind,
             lost_on_its_way=fault,
+            kernel=kernel,
             ledger_says="; ".join(about["said"]) or "–",
             unseen=len(about["unseen"]),
             spared=about["spared"],
@@ -128,13 +136,85 @@ def _judged(machine: Machine, kind: str) -> Any:
     return found
 
 
-@pytest.mark.parametrize("broken", ["usbtv", "uvc, YUYV"])
-def test_a_connection_that_breaks_and_comes_back_is_accounted_for(broken: str, fast: Machine) -> None:
+@pytest.mark.parametrize(
+    ("broken", "happens", "ends", "lasts_s"),
+    [
+        ("usbtv", ["cut"], ["in"], 2.0),
+        ("uvc, YUYV", ["cut"], ["in"], 2.0),
+        ("usbtv", ["reset"], [], 2.0),
+        ("stk1160", ["reset"], [], 2.0),
+        ("uvc, bulk", ["reset"], [], 2.0),
+    ],
+)
+def test_a_device_that_goes_and_comes_back_is_accounted_for(
+    broken: str, happens: list[Any], ends: list[Any], lasts_s: float, fast: Machine
+) -> None:
     with _plugged(fast, broken):
-        found = fast.call(grabbers.replugged, kind=broken, seconds=2.0)
+        found = fast.call(grabbers.through, kind=broken, happens=happens, ends=ends, seconds=lasts_s)
     assert not found["unseen"]
     assert any("unplugged" in entry for entry in found["entries"]), found["entries"]
     assert found["after"] > 50
+
+
+def test_while_a_decoder_answers_nothing_the_ledger_says_that_the_driver_hangs(fast: Machine) -> None:
+    with _plugged(fast, "stk1160"):
+        found = fast.call(
+            grabbers.through, kind="stk1160", happens=["deaf", True], ends=["deaf", False], seconds=4.0
+        )
+    assert not found["unseen"]
+    assert any("driver hung" in entry for entry in found["entries"]), found["entries"]
+    assert found["after"] > 50
+
+
+def test_a_grabber_that_needs_no_answers_loses_nothing_while_it_gives_none(fast: Machine) -> None:
+    with _plugged(fast, "usbtv"):
+        found = fast.call(
+            grabbers.through, kind="usbtv", happens=["deaf", True], ends=["deaf", False], seconds=2.0
+        )
+    assert found["entries"] == found["unseen"] == []
+
+
+def test_pictures_of_another_size_than_granted_are_damaged(fast: Machine) -> None:
+    with _plugged(fast, "uvc, MJPG"):
+        found = fast.call(
+            grabbers.through, kind="uvc, MJPG", happens=["columns", 320], ends=["columns", 720], seconds=0.5
+        )
+    assert not found["unseen"]
+    assert all("it has 320×480 pixels, not 720×480" in entry for entry in found["entries"]), found["entries"]
+    assert found["entries"]
+
+
+def test_a_camera_that_the_bus_has_put_to_sleep_wakes_up_for_a_capture(fast: Machine) -> None:
+    with _plugged(fast, "uvc, YUYV"):
+        found = fast.call(grabbers.asleep, kind="uvc, YUYV")
+    assert found == {"entries": [], "received": 100}
+
+
+@pytest.mark.parametrize("lying", ["uvc, of no columns", "uvc, at 10 MHz"])
+def test_a_camera_that_claims_what_no_camera_has_is_unusable_and_refused(lying: str, fast: Machine) -> None:
+    with _plugged(fast, lying):
+        (found,) = fast.call(grabbers.found)
+        causes = fast.call(grabbers.refused, kind=lying)
+    assert found["verdict"] == "unusable"
+    assert len(causes) == 1
+    assert "it offers MJPG" in causes[0]
+
+
+@pytest.mark.parametrize(
+    ("starved", "words", "says"),
+    [
+        ("stk1160", ["bandwidth", False], "finds no bandwidth left on its USB bus"),
+        ("uvc, YUYV", ["bandwidth", False], "does not respond properly (STREAMON"),
+        ("uvc, of small packets", [], "does not respond properly (STREAMON"),
+        ("uvc, of 100 bytes", [], "no field for"),
+    ],
+)
+def test_a_device_that_cannot_start_is_named_and_the_daemon_stays_up(
+    starved: str, words: list[Any], says: str, fast: Machine
+) -> None:
+    with _plugged(fast, starved):
+        causes = fast.call(grabbers.refused, kind=starved, words=words)
+    assert any(says in cause for cause in causes), causes
 
 
 def test_of_pictures_that_come_twice_each_is_received_once(fast: Machine) -> None:
@@ -146,9 +226,11 @@ def test_of_pictures_that_come_twice_each_is_received_once(fast: Machine) -> Non
 
 def test_a_decoder_that_tells_of_a_missing_camera_is_believed(fast: Machine) -> None:
     with _plugged(fast, "stk1160"):
-        told = fast.call(grabbers.without_a_camera, kind="stk1160", seconds=1.0)
-    assert told
-    assert all("no_signal (no signal" in entry for entry in told), told
+        found = fast.call(
+            grabbers.through, kind="stk1160", happens=["signal", False], ends=["signal", True], seconds=1.0
+        )
+    assert found["entries"]
+    assert all("no_signal (no signal" in entry for entry in found["entries"]), found["entries"]
 
 
 def test_a_decoder_that_sees_a_camera_of_60_hz_is_believed(fast: Machine) -> None:
@@ -160,8 +242,9 @@ def test_grabbers_of_a_kind_are_told_apart_by_their_sockets_whatever_comes_first
     fast.call(vivid.unload)
     found = []
     for ports in ([0, 1], [1, 0]):
-        found.append(fast.call(grabbers.plug_in_alike, kind="usbtv", ports=ports))
-        fast.call(grabbers.unplug_alike)
+        fast.call(emulated.plug_in_alike, kind="usbtv", ports=ports)
+        found.append({one["device"]: one["node"] for one in fast.call(grabbers.found)})
+        fast.call(emulated.unplug_alike)
     one, other = found
     assert len(one) == 2
     assert one.keys() == other.keys()

@@ -35,6 +35,9 @@ STALLED_AFTER_S = 0.8
 """Silence after which the stream has failed."""
 SIGNAL_EVERY_NS = 500_000_000
 """Time between queries of the signal, made between fields, since only this thread may use the device."""
+SIGNAL_WAIT = 20
+"""Least time between queries, in durations of the last one: a decoder that no longer answers holds the thread
+for seconds, in which no field is taken."""
 POLL_S = 0.001
 """Pause if there is no room for a field, or if a device immediately reports that it has none."""
 MOST_POLLS = 5
@@ -332,8 +335,10 @@ class CaptureThread(runtime.Thread):
             )
 
     def _ask_signal(self) -> None:
-        self._signal_due_ns = self._clock.now_ns() + SIGNAL_EVERY_NS
+        asked_ns = self._clock.now_ns()
         self._signal = self._grabber.signal()
+        took_ns = self._clock.now_ns() - asked_ns
+        self._signal_due_ns = asked_ns + max(SIGNAL_EVERY_NS, SIGNAL_WAIT * took_ns)
         self._board.saw_signal(self._signal)
 
     def _show_state(self) -> None:

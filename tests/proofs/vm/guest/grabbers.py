@@ -1,10 +1,8 @@
 """Real drivers before emulated grabbers: what is in a capture, row by row, beside what the camera sent."""
 
-import atexit
+import fcntl
 import json
 import os
-import subprocess
-import sys
 import tempfile
 import time
 from collections import Counter
@@ -22,13 +20,12 @@ from grabberd.instrument.setup import set_up
 from grabberd.library.capture import open_capture
 from grabberd.server.daemon.service import Service
 from grabberd_v4l2.discovery import discover
+from proofs.vm.guest.emulated import PATIENCE_S, Grabber, family, plugged
 from proofs.vm.guest.shell import run, wait_for
 from proofs.vm.usb.camera import numbers_in
 
-PATIENCE_S = 120.0
 LEAD, APART = 100, 46
 """Fields before the first fault, and from one to the next."""
-MODULES = {"usbtv": "usbtv", "stk1160": "stk1160", "uvc": "uvcvideo"}
 USB = {"usbtv": "1b71:3002", "stk1160": "05e1:0408", "uvc": "1d6b:0102"}
 """By the kind of a device, without the format of its pictures."""
 _CONFIG = """
@@ -39,85 +36,22 @@ devices:
     threshold: {{kind: fixed, value: 128}}
     rig: {{columns: 720, lines: {lines}}}
 """
+_USBDEVFS_RESET = 0x5514
 _LINES = {"uvc": 480, "usbtv, 525 lines": 480}
 _MORE = {"usbtv, 525 lines": {"standard": "NTSC"}}
 
 
-class Grabber:
-    """An emulated device, in a process of its own."""
-
-    def __init__(self, kind: str, port: int) -> None:
-        command = [sys.executable, "-m", "proofs.vm.usb", kind, str(port)]
-        self._process = subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True)
-        atexit.register(self.end)
-
-    def __call__(self, *words: Any) -> Any:
-        assert self._process.stdin is not None
-        assert self._process.stdout is not None
-        self._process.stdin.write(json.dumps(words) + "\n")
-        self._process.stdin.flush()
-        return json.loads(self._process.stdout.readline())
-
-    def end(self) -> None:
-        """Its process ends; what it had plugged in is gone."""
-        self._process.kill()
-        self._process.wait()
-
-
-_plugged: dict[str, Grabber] = {}
-_alike: list[Grabber] = []
-
-
-def plug_in(kind: str) -> dict[str, Any]:
-    """Plugs one in; says what the kernel and the program make of it."""
-    run(f"modprobe -a vhci-hcd {MODULES[_family(kind)]}")
-    grabber = _plugged[kind] = Grabber(kind, 0)
-    grabber("in")
-    seconds = wait_for(_nodes, PATIENCE_S)
-    run("udevadm settle")
-    return {
-        "seconds": seconds,
-        "nodes": _nodes(),
-        "found": [
-            {
-                "card": one.card,
-                "verdict": str(one.verdict),
-                "options": dict(one.options),
-                "remarks": one.remarks,
-            }
-            for one in discover()
-        ],
-        "kernel": [line for line in run("dmesg").splitlines() if kind in line or "BOGUS" in line][-8:],
-    }
-
-
-def plug_in_alike(kind: str, ports: Sequence[int]) -> dict[str, str]:
-    """Plugs several of a kind into these ports, one after the other; the node that each option leads to."""
-    run(f"modprobe -a vhci-hcd {MODULES[kind]}")
-    for count, port in enumerate(ports, 1):
-        _alike.append(Grabber(kind, port))
-        _alike[-1]("in")
-        wait_for(lambda: len(_nodes()) == count, PATIENCE_S)  # noqa: B023 - waited for at once
-        run("udevadm settle")
-    options = [str(found.options["device"]) for found in discover()]
-    return {option: os.path.realpath(option) for option in options}
-
-
-def unplug_alike() -> None:
-    """Takes all of them away."""
-    while _alike:
-        grabber = _alike.pop()
-        grabber("out")
-        grabber.end()
-    wait_for(lambda: not _nodes(), PATIENCE_S)
-
-
-def unplug(kind: str) -> None:
-    """Takes it away."""
-    grabber = _plugged.pop(kind)
-    grabber("out")
-    grabber.end()
-    wait_for(lambda: not _nodes(), PATIENCE_S)
+def found() -> list[dict[str, Any]]:
+    """What the program finds: of each device its verdict, and the node that its best option leads to."""
+    return [
+        {
+            "verdict": str(one.verdict),
+            "remarks": one.remarks,
+            "device": one.options["device"],
+            "node": os.path.realpath(one.options["device"]),
+        }
+        for one in discover()
+    ]
 
 
 def judged(kind: str, cases: Sequence[tuple[str, Sequence[Sequence[Any]]]]) -> dict[str, Any]:
@@ -133,7 +67,7 @@ def judged(kind: str, cases: Sequence[tuple[str, Sequence[Sequence[Any]]]]) -> d
         right. `elsewhere`: the same of all other fields. `skipped`: fields that the
         emulation was too slow for.
     """
-    grabber = _plugged[kind]
+    grabber = plugged[kind]
     with _service(kind) as (service, folder):
         service.capture_control.start(None, CaptureRequest())
         recording = service.instrument(None).captures.recording
@@ -163,18 +97,35 @@ def judged(kind: str, cases: Sequence[tuple[str, Sequence[Sequence[Any]]]]) -> d
     }
 
 
-def replugged(kind: str, seconds: float) -> dict[str, Any]:
-    """Captures while the connection breaks, and is there again after so many seconds; see `judged`."""
-    grabber = _plugged[kind]
+def through(kind: str, happens: Sequence[Any], ends: Sequence[Any], seconds: float) -> dict[str, Any]:
+    """Captures while something happens to the device, and is over after so many seconds.
+
+    Args:
+        kind: Of the grabber.
+        happens: What the device is told; `["reset"]` resets it as a program may, through usbfs.
+        ends: The same, for the end; empty if it ends by itself.
+        seconds: From one to the other.
+
+    Returns:
+        `entries` of the ledger; `causes` that the device's status named; `unseen`: rows that are called
+        received and are of several fields, or not of a later field than those before; `after`: fields that
+        were received after the end.
+    """
+    grabber = plugged[kind]
     with _service(kind) as (service, folder):
         service.capture_control.start(None, CaptureRequest())
-        recording = service.instrument(None).captures.recording
+        instrument = service.instrument(None)
+        recording = instrument.captures.recording
         assert recording is not None
         _pass(grabber, LEAD)
-        broken = grabber("state")["field"]
-        grabber("cut")
-        time.sleep(seconds)
-        grabber("in")
+        causes = [""]
+        for words in (happens, ends):
+            _happen(grabber, words)
+            until = time.monotonic() + seconds
+            while time.monotonic() < until:
+                if instrument.board.now.cause != causes[-1]:
+                    causes.append(instrument.board.now.cause)
+                time.sleep(0.02)
         received = recording.recorder.ledger.received
         wait_for(lambda: recording.recorder.ledger.received > received + LEAD, PATIENCE_S)
         recording.stop("the test is over")
@@ -182,35 +133,72 @@ def replugged(kind: str, seconds: float) -> dict[str, Any]:
         entries = recording.recorder.ledger.entries
         (file,) = folder.rglob("*.grab")
         rows = _rows(file)
-    before = [row for row in rows if row["shows"] < broken]
-    ahead = Counter(row["shows"] - row["n"] for row in before).most_common(1)[0][0]
+    received_rows = [row for row in rows if row["outcome"] == "received"]
+    shown = [row["shows"] for row in received_rows]
     return {
-        **_about(before, entries, ahead, 0, broken),
         "entries": _told(entries),
-        "after": len(rows) - len(before),
+        "causes": [cause for cause in causes if cause],
+        "unseen": [
+            row
+            for row, before in zip(received_rows, [-1, *shown], strict=False)
+            if row["others"] or row["shows"] <= before
+        ],
+        "after": recording.recorder.ledger.received - received,
     }
 
 
-def without_a_camera(kind: str, seconds: float) -> list[str]:
-    """Captures while the camera's signal is away for so long; what the ledger says."""
-    grabber = _plugged[kind]
+def _happen(grabber: Grabber, words: Sequence[Any]) -> None:
+    if list(words) == ["reset"]:
+        (bus, number) = (run(f"cat {_device()}/{name}").strip() for name in ("busnum", "devnum"))
+        with open(f"/dev/bus/usb/{int(bus):03}/{int(number):03}", "wb") as node:
+            fcntl.ioctl(node, _USBDEVFS_RESET)
+    elif words:
+        grabber(*words)
+
+
+def _device() -> Path:
+    (node,) = Path("/sys/class/video4linux").glob("video0")
+    return (node / "device").resolve().parent
+
+
+def refused(kind: str, words: Sequence[Any] = (), seconds: float = 5.0) -> list[str]:
+    """Reasons in turn why the daemon, which stays up, does not take a device that has been told something."""
+    grabber = plugged[kind]
+    if words:
+        grabber(*words)
+    with _service(kind, until_ready=False) as (service, _):
+        board = service.instrument(None).board
+        causes = [""]
+        wait_for(lambda: board.now.cause, PATIENCE_S)
+        until = time.monotonic() + seconds
+        while time.monotonic() < until:
+            if board.now.cause not in ("", causes[-1]):
+                causes.append(board.now.cause)
+            time.sleep(0.02)
+        return causes[1:]
+
+
+def asleep(kind: str) -> dict[str, Any]:
+    """Lets the bus put the device to sleep while nobody uses it; fields that come after it is woken."""
+    power = _device() / "power"
+    (power / "autosuspend_delay_ms").write_text("0")
+    (power / "control").write_text("auto")
+    status = power / "runtime_status"
+    wait_for(lambda: status.read_text().strip() == "suspended", PATIENCE_S)
     with _service(kind) as (service, _):
-        service.capture_control.start(None, CaptureRequest())
+        service.capture_control.start(None, CaptureRequest(fields=LEAD))
         recording = service.instrument(None).captures.recording
         assert recording is not None
-        _pass(grabber, LEAD)
-        grabber("signal", False)
-        time.sleep(seconds)
-        grabber("signal", True)
-        _pass(grabber, LEAD)
-        recording.stop("the test is over")
         assert recording.sealed.wait(PATIENCE_S)
-        return _told(recording.recorder.ledger.entries)
+        return {
+            "entries": _told(recording.recorder.ledger.entries),
+            "received": recording.recorder.ledger.received,
+        }
 
 
 def opened_before_60_hz(kind: str, seconds: float) -> str:
     """What the daemon says of a camera of 60 Hz before a grabber that is set to 50."""
-    grabber = _plugged[kind]
+    grabber = plugged[kind]
     with _service(kind) as (service, _):
         grabber("60 Hz", True)
         board = service.instrument(None).board
@@ -221,7 +209,7 @@ def opened_before_60_hz(kind: str, seconds: float) -> str:
 
 def repeated(kind: str) -> dict[str, Any]:
     """Outcomes of pictures that come twice: how many, and how many different ones are received."""
-    grabber = _plugged[kind]
+    grabber = plugged[kind]
     with _service(kind) as (service, folder):
         service.capture_control.start(None, CaptureRequest(fields=2 * LEAD))
         recording = service.instrument(None).captures.recording
@@ -274,15 +262,16 @@ def _rows(file: Path) -> list[dict[str, Any]]:
 
 
 @contextmanager
-def _service(kind: str) -> Iterator[tuple[Service, Path]]:
+def _service(kind: str, until_ready: bool = True) -> Iterator[tuple[Service, Path]]:
     folder = Path(tempfile.mkdtemp(prefix="grabberd-", dir="/dev/shm"))
     file = folder / "cup.yaml"
-    options = json.dumps({"usb": USB[_family(kind)], **_MORE.get(kind, {})})
-    file.write_text(_CONFIG.format(options=options, lines=_LINES.get(kind, _LINES.get(_family(kind), 576))))
+    options = json.dumps({"usb": USB[family(kind)], **_MORE.get(kind, {})})
+    file.write_text(_CONFIG.format(options=options, lines=_LINES.get(kind, _LINES.get(family(kind), 576))))
     service = Service(set_up(load_config(file), file), folder)
     service.start()
     try:
-        wait_for(lambda: service.instrument(None).captures.accepts, PATIENCE_S)
+        if until_ready:
+            wait_for(lambda: service.instrument(None).captures.accepts, PATIENCE_S)
         yield service, folder
     finally:
         service.stop()
@@ -291,11 +280,3 @@ def _service(kind: str) -> Iterator[tuple[Service, Path]]:
 def _pass(grabber: Grabber, fields: int) -> None:
     until = grabber("state")["field"] + fields
     wait_for(lambda: grabber("state")["field"] >= until, PATIENCE_S)
-
-
-def _family(kind: str) -> str:
-    return kind.partition(",")[0]
-
-
-def _nodes() -> list[str]:
-    return sorted(str(path) for path in Path("/dev").glob("video*"))

@@ -4,7 +4,10 @@ A line is a list in JSON, a word and its arguments; the answer is a line of JSON
 
     ["in"]  ["out"]  ["cut"]             plugs it in; unplugs it; breaks the connection
     ["script", [FIELD, KIND, …], …]      faults, by fields from the next frame on; says which field that is
-    ["slow", FACTOR]  ["stamped", BOOL]  ["signal", BOOL]  ["60 Hz", BOOL]
+    ["slow", FACTOR]  ["stamped", BOOL]  ["signal", BOOL]  ["60 Hz", BOOL]  ["sees", FILM]
+    ["deaf", BOOL]                       leaves control requests without an answer
+    ["bandwidth", BOOL]                  False: of the bus none is left
+    ["columns", NUMBER]                  of the pictures in Motion JPEG from now on
     ["state"]                            number of the next field, and of fields that the emulation skipped
 """
 
@@ -23,9 +26,14 @@ from proofs.vm.usb import stk1160, usbtv, uvc
 from proofs.vm.usb.faults import Due
 from proofs.vm.usb.link import Link
 from proofs.vm.usb.stk1160 import Stk1160
-from proofs.vm.usb.stream import Stream
+from proofs.vm.usb.stream import BulkStream, Stream
 from proofs.vm.usb.usbtv import Usbtv
-from proofs.vm.usb.uvc import UvcCamera
+from proofs.vm.usb.uvc import Claims, UvcCamera
+
+
+def _lying(**claims: int) -> Callable[[], UvcCamera]:
+    return partial(UvcCamera, is_jpeg=True, claims=Claims(**claims))
+
 
 KINDS: dict[str, tuple[Callable[[], Usbtv | Stk1160 | UvcCamera], int]] = {
     "usbtv": (Usbtv, usbtv.VIDEO),
@@ -34,6 +42,11 @@ KINDS: dict[str, tuple[Callable[[], Usbtv | Stk1160 | UvcCamera], int]] = {
     "uvc, YUYV": (UvcCamera, uvc.VIDEO),
     "uvc, MJPG": (partial(UvcCamera, is_jpeg=True), uvc.VIDEO),
     "uvc, twice": (partial(UvcCamera, times=2), uvc.VIDEO),
+    "uvc, bulk": (partial(UvcCamera, is_bulk=True), uvc.VIDEO),
+    "uvc, of no columns": (_lying(columns=0), uvc.VIDEO),
+    "uvc, at 10 MHz": (_lying(interval_100ns=0), uvc.VIDEO),
+    "uvc, of 100 bytes": (_lying(picture_bytes=100), uvc.VIDEO),
+    "uvc, of small packets": (_lying(packet=512), uvc.VIDEO),
 }
 """Devices, and the endpoints of their pictures."""
 CONTROLLER = Path("/sys/devices/platform/vhci_hcd.0")
@@ -67,7 +80,8 @@ class Emulated:
                 end.setsockopt(socket.SOL_SOCKET, option, _SOCKET_BYTES)
         self._link = Link(own, self.device)
         threading.Thread(target=self._link.serve, daemon=True).start()
-        Stream(self._link, self._endpoint, self.device).start()
+        is_bulk = isinstance(self.device, UvcCamera) and self.device.is_bulk
+        (BulkStream if is_bulk else Stream)(self._link, self._endpoint, self.device).start()
         said = f"{self._port} {kernels.fileno()} {_DEVICE} {_HIGH_SPEED}"
         (CONTROLLER / "attach").write_text(said)
         kernels.close()
@@ -108,6 +122,24 @@ class Emulated:
         assert isinstance(self.device, Stk1160)
         self.device.decoder.has_signal = there
 
+    def set_deaf(self, is_deaf: bool) -> None:
+        """Control requests get no answer."""
+        assert self._link is not None
+        self._link.is_deaf = is_deaf
+
+    def set_bandwidth(self, is_left: bool) -> None:
+        """Of the bus."""
+        self.device.has_bandwidth = is_left
+
+    def set_columns(self, columns: int) -> None:
+        """Of the pictures in Motion JPEG."""
+        assert isinstance(self.device, UvcCamera)
+        self.device.columns_sent = columns
+
+    def set_film(self, film: str) -> None:
+        """What the camera sees."""
+        self.device.camera.see(Path(film))
+
     def set_60_hz(self, is_so: bool) -> None:
         """The standard of the camera."""
         assert isinstance(self.device, Stk1160)
@@ -127,6 +159,10 @@ def main(kind: str, port: str) -> None:
         "stamped": emulated.set_stamped,
         "signal": emulated.set_signal,
         "60 Hz": emulated.set_60_hz,
+        "sees": emulated.set_film,
+        "deaf": emulated.set_deaf,
+        "bandwidth": emulated.set_bandwidth,
+        "columns": emulated.set_columns,
     }
     for line in sys.stdin:
         word, *arguments = json.loads(line)

@@ -1,6 +1,7 @@
 """The picture before an emulated grabber: each row says which of the camera's fields it belongs to."""
 
 import math
+from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
@@ -46,11 +47,13 @@ class Camera:
     Attributes:
         standard: Of its signal.
         is_stamped: False leaves out the numbers, which do not move.
+        film: Frames (n, lines, columns) that it sees instead, round and round, the top field older.
     """
 
     def __init__(self, *, luma_first: bool = True, standard: Standard = PAL) -> None:
         self.standard = standard
         self.is_stamped = True
+        self.film: Rows | None = None
         self._luma = 0 if luma_first else 1
         noise = np.full((2 * WEBCAM.lines, ROW_BYTES), _GREY, np.uint8)
         # Noise enough for rows to differ, and from a seed: what is seen can be seen again.
@@ -60,6 +63,8 @@ class Camera:
     def field(self, number: int, first_line: int = 0) -> Rows:
         """(lines, 1440) bytes of a field, given the line of the frame that is its first, or of a picture."""
         lines = self.standard.lines
+        if self.film is not None:
+            return self._film_field(self.film, number, first_line)
         first = number * _NOISE_STEP % lines
         rows = self._noise[first : first + lines].copy()
         if self.is_stamped:
@@ -67,6 +72,17 @@ class Camera:
         swing = 60 * math.sin((number // (_MOVES + _RESTS) * _MOVES + min(number % 150, _MOVES)) / 12)
         for x, y in _DISCS:
             self._draw_disc(rows, first_line, x + swing, y + swing / 2)
+        return rows
+
+    def see(self, film: Path) -> None:
+        """A film of PAL frames, in luma alone."""
+        self.film = np.memmap(film, np.uint8, "r").reshape(-1, 2 * PAL.lines, COLUMNS)
+
+    def _film_field(self, film: Rows, number: int, first_line: int) -> Rows:
+        # Where the bottom field is the older one, the film runs a field ahead.
+        frame = (number + (number + first_line) % 2) // 2 % len(film)
+        rows = np.full((self.standard.lines, ROW_BYTES), _GREY, np.uint8)
+        rows[:, self._luma :: 2] = film[frame, first_line::2]
         return rows
 
     def _draw_disc(self, rows: Rows, first_line: int, x: float, y: float) -> None:

@@ -47,6 +47,7 @@ class UsbDevice:
         numbers: Vendor, product and version.
         strings: Manufacturer, product and serial number; "": none.
         alternates: Alternate setting of each interface that was set.
+        has_bandwidth: False refuses every alternate setting that takes bandwidth.
     """
 
     numbers: ClassVar[tuple[int, int, int]]
@@ -55,6 +56,7 @@ class UsbDevice:
 
     def __init__(self) -> None:
         self.alternates: dict[int, int] = {}
+        self.has_bandwidth = True
 
     @property
     def configuration(self) -> bytes:
@@ -82,6 +84,8 @@ class UsbDevice:
         if request == _GET_DESCRIPTOR:
             return self._descriptor(value >> 8, value & 255)
         if request == _SET_INTERFACE:
+            if value and not self.has_bandwidth:
+                return None
             self.alternates[index] = value
         answers = {
             _GET_STATUS: b"\0\0",

@@ -72,6 +72,7 @@ class Link:
 
     Attributes:
         is_alive: False once either side has closed it.
+        is_deaf: True leaves control requests without an answer.
     """
 
     def __init__(self, end: socket.socket, device: Plugged) -> None:
@@ -83,7 +84,7 @@ class Link:
         self._tables: dict[tuple[bytes, tuple[int, ...]], bytes] = {}
         self._lock = threading.Lock()
         self._sending = threading.Lock()
-        self.is_alive = True
+        self.is_alive, self.is_deaf = True, False
 
     def close(self) -> None:
         """Ends the connection without a word, as a broken cable does."""
@@ -146,6 +147,9 @@ class Link:
         if endpoint:
             with self._lock:
                 self._waiting[endpoint].append(urb)
+        elif self.is_deaf:
+            with self._lock:
+                self._waiting[0].append(urb)
         elif (said := self._device.control(setup, data)) is None:
             self.answer(urb, status=STALLED)
         else:

@@ -1,4 +1,4 @@
-"""Isochronous transfers in real time: what a grabber sends, and when."""
+"""Transfers of pictures in real time: what a grabber sends, and when."""
 
 import math
 import threading
@@ -21,7 +21,7 @@ class Sent(NamedTuple):
     """Packets of a field.
 
     Attributes:
-        packets: One for each microframe, none longer than the endpoint's.
+        packets: One for each microframe, none longer than the endpoint's; of bulk transfers, one for each.
         silent_s: Time for which nothing is sent after them.
     """
 
@@ -121,3 +121,29 @@ class Stream(threading.Thread):
         self._field_due_s += source.period_s
         if silent_s:
             self._silent_until_s = due_s + silent_s
+
+
+class BulkStream(Stream):
+    """Answers the requests of a bulk endpoint, which waits for its data, each by one packet of a field."""
+
+    def run(self) -> None:
+        """Until the link is closed."""
+        answered_s = 0.0
+        while self._link.is_alive:
+            urb = self._link.take(self._endpoint)
+            now_s = time.monotonic()
+            if urb is None:
+                time.sleep(_IDLE_S)
+                continue
+            if now_s - answered_s > _NEW_STREAM_S:
+                self._begin(now_s)
+            while self._at >= len(self._packets):
+                due_s = max(self._field_due_s, self._silent_until_s)
+                time.sleep(max(0.0, due_s - time.monotonic()))
+                self._begin_field(time.monotonic())
+            self._at += 1
+            try:
+                self._link.answer(urb, self._packets[self._at - 1])
+            except OSError:
+                return
+            answered_s = time.monotonic()

@@ -1,4 +1,4 @@
-"""A USB camera of the video class (UVC 1.0), for `uvcvideo`: YUYV or Motion JPEG, by isochronous transfers.
+"""A USB camera of the video class (UVC 1.0), for `uvcvideo`: YUYV or Motion JPEG, isochronous or bulk.
 
 Descriptors, probe and commit, and payload headers after the class definition for video devices 1.0 and its
 payload documents. Invented: vendor and product. One that gives every picture twice stands for a dongle that
@@ -6,6 +6,7 @@ makes progressive pictures of fields (MacroSilicon).
 """
 
 import struct
+from dataclasses import dataclass
 from typing import ClassVar
 
 from proofs.vm.usb import device
@@ -30,20 +31,56 @@ _PICTURE_BYTES = WEBCAM.lines * ROW_BYTES
 _JPEG_QUALITY = 95
 
 
+_BULK_PACKET_BYTES, _BULK_BYTES = 512, 1 << 14
+"""Of a packet on the bus, and of a payload with its head."""
+
+
+@dataclass(frozen=True)
+class Claims:
+    """What a camera says of its pictures; the truth, unless it lies.
+
+    Attributes:
+        columns: Of a picture.
+        interval_100ns: From picture to picture.
+        picture_bytes: The most of a picture.
+        packet: Of its isochronous endpoint, as its descriptor has it.
+    """
+
+    columns: int = COLUMNS
+    interval_100ns: int = _INTERVAL_100NS
+    picture_bytes: int = _PICTURE_BYTES
+    packet: int = device.THREE_A_MICROFRAME
+
+
 class UvcCamera(device.UsbDevice):
-    """A camera of 720 × 480 at 30 Hz."""
+    """A camera of 720 × 480 at 30 Hz.
+
+    Args:
+        is_jpeg: False for YUYV.
+        is_bulk: False for isochronous transfers.
+        times: How often each picture is sent.
+        claims: What it says of them.
+
+    Attributes:
+        is_bulk: See above.
+        columns_sent: Of the pictures in Motion JPEG.
+    """
 
     numbers: ClassVar = (0x1D6B, 0x0102, 0x0100)
     device_class: ClassVar = (0xEF, 2, 1)
 
-    def __init__(self, *, is_jpeg: bool = False, times: int = 1) -> None:
+    def __init__(
+        self, *, is_jpeg: bool = False, is_bulk: bool = False, times: int = 1, claims: Claims = Claims()
+    ) -> None:
         super().__init__()
         self.strings = ("emulated", "camera", "")
         self.camera = Camera(standard=WEBCAM)
         self.script = Script()
         self.slow = 1.0
         self.field = self.skipped = 0
-        self._is_jpeg = is_jpeg
+        self.columns_sent = COLUMNS
+        self._is_jpeg, self.is_bulk = is_jpeg, is_bulk
+        self._claims = claims
         self._times, self._sent = times, 0
         self._asked = self._answer()
 
@@ -62,13 +99,19 @@ class UvcCamera(device.UsbDevice):
         head = struct.pack("<BBBHHIBB", 13, _OF_INTERFACE, 1, 0x100, *sizes, 1, 1)
         control = device.interface(0, 0, [], (_VIDEO_CLASS, _CONTROL, 0), head + camera + output)
         quiet = device.interface(1, 0, [], (_VIDEO_CLASS, _STREAMING, 0), self._formats())
-        video = device.endpoint(0x81, _ASYNCHRONOUS, device.THREE_A_MICROFRAME)
+        if self.is_bulk:
+            video = device.endpoint(0x81, device.BULK, _BULK_PACKET_BYTES, 0)
+            only = device.interface(1, 0, [video], (_VIDEO_CLASS, _STREAMING, 0), self._formats())
+            return device.configuration(2, together + control + only)
+        video = device.endpoint(0x81, _ASYNCHRONOUS, self._claims.packet)
         loud = device.interface(1, 1, [video], (_VIDEO_CLASS, _STREAMING, 0))
         return device.configuration(2, together + control + quiet + loud)
 
     def _formats(self) -> bytes:
         bits = round(_PICTURE_BYTES * 8 * WEBCAM.rate_hz)
-        size = (COLUMNS, WEBCAM.lines, bits, bits, _PICTURE_BYTES, _INTERVAL_100NS, 1, _INTERVAL_100NS)
+        claims = self._claims
+        times = (claims.interval_100ns, 1, claims.interval_100ns)
+        size = (claims.columns, WEBCAM.lines, bits, bits, claims.picture_bytes, *times)
         if self._is_jpeg:
             form, of_frame = struct.pack("<11B", 11, _OF_INTERFACE, 6, 1, 1, 1, 1, 0, 0, 0, 0), 7
         else:
@@ -81,7 +124,13 @@ class UvcCamera(device.UsbDevice):
         )
 
     def _answer(self) -> bytes:
-        return _ASKED.pack(0, 1, 1, _INTERVAL_100NS, 0, 0, 0, 0, 0, _PICTURE_BYTES, device.MOST_BYTES)
+        claims = self._claims
+        sizes = (claims.picture_bytes, self._payload_bytes)
+        return _ASKED.pack(0, 1, 1, claims.interval_100ns, 0, 0, 0, 0, 0, *sizes)
+
+    @property
+    def _payload_bytes(self) -> int:
+        return _BULK_BYTES if self.is_bulk else device.MOST_BYTES
 
     def of_class(self, request: int, value: int, index: int, wanted: int, data: bytes) -> bytes | None:
         """Probe and commit: there is one format of one size, whatever is asked for."""
@@ -109,7 +158,7 @@ class UvcCamera(device.UsbDevice):
 
     def _packets(self, number: int) -> list[bytes]:
         picture = self._picture(number)
-        room = device.MOST_BYTES - _HEAD.size
+        room = self._payload_bytes - _HEAD.size
         at_ticks = round(number * _CLOCK_HZ / WEBCAM.rate_hz) % 2**32
         flags = self._sent % 2 | _HAS_TIME | _HAS_CLOCK | _END_OF_HEAD
         packets = []
@@ -125,7 +174,8 @@ class UvcCamera(device.UsbDevice):
             return rows.tobytes()
         import cv2  # noqa: PLC0415 - where it is needed
 
-        _, coded = cv2.imencode(".jpg", rows[:, ::2], [cv2.IMWRITE_JPEG_QUALITY, _JPEG_QUALITY])
+        luma = rows[:, : 2 * self.columns_sent : 2]
+        _, coded = cv2.imencode(".jpg", luma, [cv2.IMWRITE_JPEG_QUALITY, _JPEG_QUALITY])
         return coded.tobytes()
 
 
