@@ -205,7 +205,6 @@ def test_a_camera_that_claims_what_no_camera_has_is_unusable_and_refused(lying: 
     [
         ("stk1160", ["bandwidth", False], "finds no bandwidth left on its USB bus"),
         ("uvc, YUYV", ["bandwidth", False], "does not respond properly (STREAMON"),
-        ("uvc, of small packets", [], "does not respond properly (STREAMON"),
         ("uvc, of 100 bytes", [], "no field for"),
     ],
 )

@@ -46,7 +46,6 @@ KINDS: dict[str, tuple[Callable[[], Usbtv | Stk1160 | UvcCamera], int]] = {
     "uvc, of no columns": (_lying(columns=0), uvc.VIDEO),
     "uvc, at 10 MHz": (_lying(interval_100ns=0), uvc.VIDEO),
     "uvc, of 100 bytes": (_lying(picture_bytes=100), uvc.VIDEO),
-    "uvc, of small packets": (_lying(packet=512), uvc.VIDEO),
 }
 """Devices, and the endpoints of their pictures."""
 CONTROLLER = Path("/sys/devices/platform/vhci_hcd.0")

@@ -5,6 +5,7 @@ payload documents. Invented: vendor and product. One that gives every picture tw
 makes progressive pictures of fields (MacroSilicon).
 """
 
+import importlib
 import struct
 from dataclasses import dataclass
 from typing import ClassVar
@@ -43,13 +44,11 @@ class Claims:
         columns: Of a picture.
         interval_100ns: From picture to picture.
         picture_bytes: The most of a picture.
-        packet: Of its isochronous endpoint, as its descriptor has it.
     """
 
     columns: int = COLUMNS
     interval_100ns: int = _INTERVAL_100NS
     picture_bytes: int = _PICTURE_BYTES
-    packet: int = device.THREE_A_MICROFRAME
 
 
 class UvcCamera(device.UsbDevice):
@@ -80,6 +79,9 @@ class UvcCamera(device.UsbDevice):
         self.field = self.skipped = 0
         self.columns_sent = COLUMNS
         self._is_jpeg, self.is_bulk = is_jpeg, is_bulk
+        if is_jpeg:
+            # Loaded before it is plugged in: the first picture must not be late.
+            self._cv2 = importlib.import_module("cv2")
         self._claims = claims
         self._times, self._sent = times, 0
         self._asked = self._answer()
@@ -103,7 +105,7 @@ class UvcCamera(device.UsbDevice):
             video = device.endpoint(0x81, device.BULK, _BULK_PACKET_BYTES, 0)
             only = device.interface(1, 0, [video], (_VIDEO_CLASS, _STREAMING, 0), self._formats())
             return device.configuration(2, together + control + only)
-        video = device.endpoint(0x81, _ASYNCHRONOUS, self._claims.packet)
+        video = device.endpoint(0x81, _ASYNCHRONOUS, device.THREE_A_MICROFRAME)
         loud = device.interface(1, 1, [video], (_VIDEO_CLASS, _STREAMING, 0))
         return device.configuration(2, together + control + quiet + loud)
 
@@ -172,10 +174,8 @@ class UvcCamera(device.UsbDevice):
         rows = self.camera.field(number & 0xFFFF)
         if not self._is_jpeg:
             return rows.tobytes()
-        import cv2  # noqa: PLC0415 - where it is needed
-
         luma = rows[:, : 2 * self.columns_sent : 2]
-        _, coded = cv2.imencode(".jpg", luma, [cv2.IMWRITE_JPEG_QUALITY, _JPEG_QUALITY])
+        _, coded = self._cv2.imencode(".jpg", luma, [self._cv2.IMWRITE_JPEG_QUALITY, _JPEG_QUALITY])
         return coded.tobytes()
 
 
