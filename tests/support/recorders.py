@@ -6,7 +6,8 @@ from slots import STREAM, ManualClock, Source
 
 from grabberd.core.ledger import Slot
 from grabberd.instrument.acquisition import Ring, RingReader, StreamInfo
-from grabberd.instrument.capture.recorder import Backlog, Begin, Recorder
+from grabberd.instrument.capture.begin import Begin
+from grabberd.instrument.capture.recorder import Backlog, Recorder
 
 
 def recorder(

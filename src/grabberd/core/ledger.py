@@ -119,6 +119,9 @@ OF_FRAME_BEFORE = "may be of the frame before"
 UNCERTAIN = "number uncertain by up to"
 """Reason for fields whose number may be wrong, before the number of fields that it may be off by."""
 
+UNCLEAR = "unclear"
+"""Reason for fields that were lost in one of several ways, before those."""
+
 UNACCOUNTED = "not accounted for"
 """Reason for fields between two entries for which none was given."""
 
@@ -393,6 +396,7 @@ _BY_REASON = (
     ("short:", LossCause.CABLE),
     ("parity contradicts time", LossCause.CAMERA),
     (UNCERTAIN, LossCause.UNKNOWN),
+    (UNCLEAR, LossCause.UNKNOWN),
     ("nothing came", LossCause.UNKNOWN),
     (NO_SIGNAL, LossCause.CAMERA),
     (UNACCOUNTED, LossCause.UNKNOWN),

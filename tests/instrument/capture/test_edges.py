@@ -6,7 +6,8 @@ from slots import PERIOD_NS, slot
 
 from grabberd.core.ledger import LedgerEntry, LedgerEvent, Outcome, Slot, numbers_off, numbers_unsure
 from grabberd.instrument.acquisition import Ring
-from grabberd.instrument.capture.recorder import Begin, NumbersFromBegin, cut, fields_before, number_at
+from grabberd.instrument.capture.begin import Begin, NumbersFromBegin, fields_before, number_at
+from grabberd.instrument.capture.recorder import cut
 
 
 def begin_at(fields: float) -> Begin:
@@ -127,3 +128,11 @@ def test_what_an_overrun_has_taken_with_it_is_told_with_the_next_certain_field()
     overrun = (LedgerEntry(2, 5, Outcome.OVERRUN, "ring overrun"),)
     assert numbers.events(uncertain(7)._replace(lost_before=overrun)) == ()
     assert numbers.events(slot(10)._replace(time_ns=6 * PERIOD_NS)) == off(10, 3)
+
+
+def test_in_a_doubt_of_many_fields_the_rate_of_the_camera_counts_and_not_the_granted_one() -> None:
+    numbers = NumbersFromBegin(begin_at(0.0))
+    slow_ns = PERIOD_NS * 201 // 200
+    doubtful = [uncertain(n)._replace(time_ns=n * slow_ns) for n in range(500)]
+    assert [numbers.events(one) for one in doubtful] == [()] * 500
+    assert numbers.events(slot(500)._replace(time_ns=500 * slow_ns)) == ()

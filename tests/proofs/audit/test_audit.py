@@ -15,9 +15,11 @@ from .world import CABLE, COMPUTER, Camera, Driver, Loss, Span, Weather
 
 SEEDS = range(30)
 """A minute of the ten thousand: `make audit` runs them all."""
+MENDED = [477, 912, 1049, 1598, 2101, 3035, 3349, 4023, 4107, 4339, 4358, 5606, 5743, 5759, 6048, 6215, 6278]
+"""Weather in which an account once lied."""
 
 
-@pytest.mark.parametrize("seed", SEEDS)
+@pytest.mark.parametrize("seed", [*SEEDS, *MENDED])
 def test_no_account_lies(seed: int) -> None:
     assert judged(seed).lies == ()
 

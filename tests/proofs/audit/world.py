@@ -284,7 +284,9 @@ class Driver:
         unnoticed = self._w.counts == "nothing" if loss is None else not loss.counted
         self._step_count(buffer.first, at_s, lost is not None and unnoticed)
         if lost is not None:
-            self.lose(buffer.first, lost | COMPUTER if self._at_the_edge else lost)
+            # What finds no free buffer is lost to the computer, whatever else would have become of it.
+            also_by_computer = self._at_the_edge or (self._streams and not has_buffer)
+            self.lose(buffer.first, lost | COMPUTER if also_by_computer else lost)
         elif not has_buffer:
             bunched = any(b.begin_s <= at_s <= b.end_s + 0.5 for b in self._w.bunches)
             self.lose(buffer.first, COMPUTER | CABLE if bunched else COMPUTER)

@@ -15,9 +15,10 @@ from grabberd.clock import Moment, boot_id, iso_utc
 from grabberd.core.ledger import Slot
 from grabberd.errors import GrabberdError, GroupRefused, InputError, NotReady
 from grabberd.instrument.acquisition import Signal
+from grabberd.instrument.capture.begin import Begin, fields_before
 from grabberd.instrument.capture.capture_request import ArmedCapture, NewCapture
 from grabberd.instrument.capture.device_captures import CurrentCaptures, DeviceCaptures
-from grabberd.instrument.capture.recorder import Backlog, Begin, Recorder, fields_before
+from grabberd.instrument.capture.recorder import Backlog, Recorder
 from grabberd.instrument.capture.recording import LIVE_RUN, Recording
 from grabberd.instrument.channels.feed import ChannelRecording
 

@@ -258,6 +258,7 @@ class FieldPipeline:
             self._numbering.of_driver = standstill if may_be_of_driver else None
         taken = _Taken(grabbed.time_ns, grabbed.sequence, now_ns, in_time)
         if self._is_handed_over_again(taken, grabbed.field.parity) and content.damage == REPEATED:
+            self._numbering.skip(grabbed.field.parity, now_ns)
             return []
         self._unnumbered.append(_Unnumbered(packed, grabbed.sequence, now_ns, ring))
         return self._release(

@@ -104,3 +104,13 @@ def test_the_rate_of_a_camera_and_how_well_it_is_known_are_learned_within_two_se
     )
     assert clock.period_sigma < 4e-4
     assert abs(clock.period_ns / true - 1) < 2 * clock.period_sigma
+
+
+def test_a_period_that_has_varied_may_vary_again():
+    n = np.arange(2000)
+    jitter = np.random.default_rng(1).uniform(0, 2_000_000, len(n))
+    steady, wandering = FieldClock(PERIOD_NS), FieldClock(PERIOD_NS)
+    run(steady, n * PERIOD_NS * 1.001 + jitter)
+    run(wandering, np.cumsum(PERIOD_NS * (1 + 0.001 * np.sin(n / 300))) + jitter)
+    assert steady.wander < 3e-4
+    assert 1.5e-3 < wandering.wander < 3e-3

@@ -163,3 +163,15 @@ def test_a_field_that_is_damaged_for_another_reason_says_that_its_number_is_unce
         Outcome.DAMAGED,
         f"{UNCERTAIN} 24; short: 3 lines",
     )
+
+
+def test_stamps_of_before_the_epoch_leave_the_times_to_the_arrivals():
+    """A clock that is set back by more than it shows gives no time; the camera then changes its rate."""
+    numbering, longer_ns = Numbering(), 20_000
+    for n in range(1600):
+        exposed_ns = grab(n).time_ns + max(n - 150, 0) * longer_ns
+        time_ns = exposed_ns if n < 100 else exposed_ns - 2 * grab(0).time_ns
+        numbering.see(grab(n, time_ns=time_ns), now_ns=exposed_ns + WAY_NS)
+    last = numbering.settled()[-1]
+    assert (last.n, last.reason) == (1599, "time predicted (zero timestamp)")
+    assert last.time_ns == pytest.approx(grab(1599).time_ns + 1449 * longer_ns, abs=PERIOD_NS // 2)

@@ -9,12 +9,12 @@ from instrument.acquisition.streams import PERIOD_NS, Numbering, grab, info, los
 STREAMS = [(FieldOrder.PROGRESSIVE, 1), (FieldOrder.ALTERNATE, 1), (FieldOrder.TOP_FIRST, 2)]
 
 
-def handed_over(turns, order, in_turn, counts):
-    """What becomes of fields in this order, those of the buffers from 40 to 45 taken together."""
+def handed_over(turns, order, in_turn, counts, until=46):
+    """What becomes of fields in this order, those of the buffers from 40 to `until` taken together."""
     numbering = Numbering(info(order, counts_losses=counts))
     for n in turns:
-        waits = 40 <= n < 46
-        came_ns = grab(45 if waits else n // in_turn * in_turn + in_turn - 1).time_ns
+        waits = 40 <= n < until
+        came_ns = grab(until - 1 if waits else n // in_turn * in_turn + in_turn - 1).time_ns
         one = grab(n, parity=0 if order is FieldOrder.PROGRESSIVE else None, sequence=n)
         numbering.see(one, now_ns=came_ns + 2 * PERIOD_NS, in_time=not waits)
     return numbering.settled()
@@ -27,14 +27,27 @@ def test_two_buffers_out_of_turn_have_uncertain_numbers_and_are_not_lost(first, 
     exchanged = [*range(first + in_turn, first + 2 * in_turn), *range(first, first + in_turn)]
     turns = [*range(first), *exchanged, *range(first + 2 * in_turn, 80)]
     found = handed_over(turns, order, in_turn, counts)
+    assert_true(found, turns)
+    assert all(one.outcome is Outcome.DAMAGED for one in found[first : first + 2 * in_turn])
+    losses = [entry for field in found for entry in lost(field.lost_before)]
+    assert all(reason.startswith("number uncertain") for _, _, reason in losses)
+
+
+@pytest.mark.parametrize("counts", [True, False])
+@pytest.mark.parametrize(("order", "in_turn"), STREAMS)
+def test_a_buffer_that_several_have_passed_by_after_a_loss_is_not_one_more(order, in_turn, counts):
+    passed_by, late, rest = (40 + in_turn * at for at in (4, 2, 6))
+    turns = [*range(40), *range(passed_by, rest), *range(late, late + in_turn), *range(rest, 100)]
+    assert_true(handed_over(turns, order, in_turn, counts, rest + in_turn), turns)
+
+
+def assert_true(found, turns):
+    """Each number is that of its field, or off by no more than it says."""
     too_high = 0
     for one, k in zip(found, turns, strict=True):
         too_high += sum(map(too_high_by, one.rebases))
         uncertain_by = int(one.reason.split(";")[0].split()[-1]) if one.outcome is Outcome.DAMAGED else 0
         assert abs(one.n - too_high - k) <= uncertain_by
-    assert all(one.outcome is Outcome.DAMAGED for one in found[first : first + 2 * in_turn])
-    losses = [entry for field in found for entry in lost(field.lost_before)]
-    assert all(reason.startswith("number uncertain") for _, _, reason in losses)
 
 
 def test_stamps_that_run_backward_in_time_are_not_out_of_turn():

@@ -238,18 +238,26 @@ class Arrivals:
         self._returned_ns.clear()
         self._holds_one = False
 
-    def lost_to_full_buffers(self, arrival: Arrival, time_ns: int, lost: int) -> int:
-        """Number of the fields lost before one, the first of them, that found all buffers filled.
+    def lost_to_full_buffers(self, arrival: Arrival, time_ns: int, lost: int) -> tuple[int, bool]:
+        """Number of the fields lost before one, the first of them, that found all buffers filled; false if
+        some of them may have been lost on their way, which is a period longer or shorter than known.
 
         A driver fills its buffers in turn, and drops what begins while none is free. So before a buffer they
         were all filled until the program returned it, after as many others: what began later than that was
         lost on its way.
         """
         if arrival.time_ns is None:
-            return lost
-        if not self.way.is_known and not self.tells_of_stamps:
-            return lost if arrival.freed_ns else 0  # its own time is that of an arrival, as late as may be
-        way = self.way.periods if self.way.is_known else min(self.way.periods, _READ_OUT)
+            return lost, True
+        if self.way.is_known:
+            return self._lost_to_full_buffers(arrival, time_ns, lost, self.way.periods), True
+        if not self.tells_of_stamps:
+            # Its own time is that of an arrival, as late as may be.
+            return lost if arrival.freed_ns else 0, True
+        way = min(self.way.periods, _READ_OUT)
+        most = self._lost_to_full_buffers(arrival, time_ns, lost, way)
+        return most, most == self._lost_to_full_buffers(arrival, time_ns, lost, way + _READ_OUT)
+
+    def _lost_to_full_buffers(self, arrival: Arrival, time_ns: int, lost: int, way: float) -> int:
         began_ns = time_ns + (way - _COMES) * self._pace.period_ns
         is_long, of_own = lost >= _LONG, 0
         for kept_back, freed_ns in enumerate(arrival.freed_ns if is_long else arrival.freed_ns[:1]):
@@ -262,6 +270,15 @@ class Arrivals:
                 return lost
             of_own = of_own if kept_back else max(found, 0)
         return of_own // self.in_turn * self.in_turn
+
+    def would_have_come(self, time_ns: int, lost: int, resumed_ns: int | None) -> tuple[float, float]:
+        """Periods after a time at which the first and the last of the fields lost before one would have come;
+        both 0 while the way is unknown.
+        """
+        if resumed_ns is None or not self.way.is_known:
+            return 0.0, 0.0
+        after = (time_ns - resumed_ns) / self._pace.period_ns + self.way.periods
+        return after - lost + self.in_turn - 1, after - 1
 
     def exposed_ns(self, arrival: Arrival) -> int | None:
         """Exposure of a field that came by the shortest way; None while that is unknown."""

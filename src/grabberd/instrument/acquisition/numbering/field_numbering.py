@@ -16,14 +16,13 @@ from grabberd.core.ledger import (
 )
 from grabberd.instrument.acquisition.device import GrabbedField, Signal, StreamInfo
 from grabberd.instrument.acquisition.numbering.arrivals import Arrival, Arrivals, SequenceSteps
+from grabberd.instrument.acquisition.numbering.causes import Causes, doubtful
 from grabberd.instrument.acquisition.numbering.pace import SUSPECTED, Came, Pace
 from grabberd.instrument.acquisition.numbering.paths import Paths, Step
 from grabberd.instrument.acquisition.numbering.pending import (
     Pending,
     StreamStart,
     contradiction,
-    doubtful,
-    lost_before,
     outcome_of,
 )
 from grabberd.instrument.acquisition.numbering.settling import Doubt, Doubts, Evidence, Settling
@@ -58,10 +57,6 @@ _MOST_PENDING = 16
 """Fields that wait for more evidence before the likeliest path is taken, or as many as the driver's buffers
 hold if that is more, and `_CONFIRMING` after them."""
 _CONFIRMING = 10
-_OF_STANDSTILL = 0.5
-"""Fields, and those of a buffer, by which a loss may be shorter than a standstill of the driver."""
-_LONG = 4
-"""Fields lost in a row that are hardly lost on the bus right after a standstill."""
 _FROM_BEFORE = 2
 """Buffers after a standstill of the driver that may have been filled before it although they came in time."""
 _KEEPS_ON = 8
@@ -98,6 +93,7 @@ class FieldNumbering:
         self._timing = Timing(info, self._pace, self._stamps, self._arrivals, since_ns)
         self._doubts = Doubts(self._arrivals, self._timing)
         self._turns = Turns(self._pace, self._arrivals.in_turn)
+        self._causes = Causes(self._arrivals, self._pace)
         self._n = -1
         self._parity = 0
         self._miscounted = False
@@ -114,8 +110,8 @@ class FieldNumbering:
         self.returned_ns: int | None = None
         self.of_driver: Standstill | None = None
         self._stood: Standstill | None = None
-        self._blamed: Standstill | None = None
-        self._after_it = self._held_by = 0
+        self._after_it = 0
+        self._resumed_ns: int | None = None
         self._waited = self._uncertain_by = 0
 
     @property
@@ -183,7 +179,7 @@ class FieldNumbering:
         absent = NO_SIGNAL if signal is Signal.ABSENT else no_picture
         outcome = outcome_of(absent, grabbed.damage or damage)
         if self.of_driver is not None:
-            self._stood, self._after_it = self.of_driver, self._most_waiting
+            self._stood, self._after_it, self._resumed_ns = self.of_driver, self._most_waiting, now_ns
         pending = self._look(grabbed, now_ns, *outcome, no_signal=signal is Signal.ABSENT, in_time=in_time)
         settled = self._follow_pace() if self._has_another_pace(pending) else []
         self._waited, self.of_driver = max(self._waited - 1, 0), None
@@ -197,6 +193,10 @@ class FieldNumbering:
             return settled + self._go_on(self._paths, pending)
         self._start.add(pending)
         return self._begin() if self._start.is_over else []
+
+    def skip(self, parity: int, now_ns: int) -> None:
+        """Note a field that the driver has handed over before: it has no number, but it had a buffer."""
+        self._arrivals.look(parity, now_ns, self.returned_ns)
 
     def settle(self) -> list[Numbered]:
         """Number the fields in doubt by the present evidence."""
@@ -237,7 +237,7 @@ class FieldNumbering:
         step = Step(pending.count or 1, None, None)
         self._n += step.fields
         time_ns = pending.stamp_ns if pending.time_ns is None else pending.time_ns
-        lost = self._lost_before(pending, step, time_ns)
+        lost = self._causes.lost_before(pending, step, self._n, time_ns)
         if lost_uncounted := self._pace.unexplained(back):
             pending = pending.uncertain(lost_uncounted)
         return self._numbered(pending, time_ns, lost, None)
@@ -340,6 +340,7 @@ class FieldNumbering:
             standstill=self._standstill if self._waited > 0 else None,
             of_driver=self._stood if self._after_it else None,
             may_be_held=self.of_driver is not None,
+            resumed_ns=self._resumed_ns,
         )
 
     def _settle_oldest(self, paths: Paths) -> Numbered:
@@ -349,7 +350,7 @@ class FieldNumbering:
         self._n += step.fields
         unsure_by = self._unsure_by(pending, step)
         time_ns, doubt = self._timing.come_to(pending, step, self._n)
-        lost = self._lost_before(pending, step, time_ns)
+        lost = self._causes.lost_before(pending, step, self._n, time_ns)
         if late := self._timing.take_late():
             self._arrivals.way = self._arrivals.way.longer_by(late)
             paths.lengthen_way(late)
@@ -358,7 +359,7 @@ class FieldNumbering:
             pending = pending.damaged("parity contradicts time")
         was_open, before = self._doubts.open, self._uncertain_by
         out_by = self._turns.out_by(pending, self._pending)
-        out_of_place_by = max(out_by, self._held_by)
+        out_of_place_by = max(out_by, self._causes.held_by)
         evidence = self._evidence(pending, step, doubt_of_number, paths, out_of_place_by)
         evidence = evidence._replace(stamped=doubt is None)
         uncertain_by = self._doubts.of(self._n, time_ns, step, pending.arrival, evidence)
@@ -379,23 +380,6 @@ class FieldNumbering:
             pending = pending.uncertain(by)
         return self._numbered(pending, time_ns, lost, doubt, rebases)
 
-    def _lost_before(self, pending: Pending, step: Step, time_ns: int) -> tuple[LedgerEntry, ...]:
-        lost, standstill, by_computer = step.fields - 1, pending.standstill, 0
-        if not pending.arrival.joined:
-            self._held_by = 0
-        if standstill is not None:
-            by_computer = self._arrivals.lost_to_full_buffers(pending.arrival, time_ns, lost)
-        if (of_driver := pending.of_driver) is not None and of_driver is not self._blamed:
-            in_turn, due = self._arrivals.in_turn, of_driver.time_ns / self._pace.period_ns
-            shortest = due - in_turn if pending.may_be_held else max(due - 1, _LONG)
-            # As well as one that had begun before it.
-            by_it = min(lost, (math.ceil(due / in_turn) + 1) * in_turn)
-            if lost >= shortest - _OF_STANDSTILL and by_it > by_computer:
-                by_computer, standstill, self._blamed = by_it, of_driver.reason, of_driver
-                # Its own buffer may have been held up, and stamped afterwards: then they are missing behind.
-                self._held_by = lost if pending.may_be_held else 0
-        return lost_before(pending, step, self._n, by_computer, standstill)
-
     def _unsure_by(self, pending: Pending, step: Step) -> int:
         """Fields by which nobody can tell how many are missing: the camera's rate is known only so well."""
         if step.fields in {1, pending.count} or pending.interruption or not self._live:
@@ -409,6 +393,8 @@ class FieldNumbering:
     def _evidence(self, pending: Pending, step: Step, doubt: Doubt, paths: Paths, out_by: int) -> Evidence:
         """Evidence about a field's number in addition to its step and fields by which it is out of turn."""
         ahead = self._timing.take_ahead()
+        if ahead < 0:
+            paths.lengthen_way(ahead)  # each way was learned while all numbers were too low
         # One more: the early fields before it have moved the clock by part of a period.
         too_many = math.ceil(ahead) + 1 if ahead else 0
         # It has waited as long as allowed, and the cause of its delay is still unknown.
@@ -430,6 +416,7 @@ class FieldNumbering:
             of_place=(doubt.of_place or out_by > 0) and not of_itself,
             counted=pending.count,
             turned=self._has_turned(pending, step),
+            is_older=self._turns.is_older,
         )
 
     def _has_turned(self, pending: Pending, step: Step) -> bool | None:

@@ -304,8 +304,9 @@ def _cost_of_time(step: Step, before: Step, seen: Seen, way: Way) -> float:
         # A way cannot be negative.
         if step.arrived < 0 and step.arrived + way.periods > -_JITTER:
             lateness = min(lateness, _cost_of_a_shorter_way(way, seen))
-        # A stream that has just restarted has no queue in which its first field could have become late.
-        if seen.excused or step.late is None or step.arrived < -_EARLY_ARRIVAL:
+        # A stream that has just restarted has no queue in which its first field could have become late. While
+        # no way is known, that is no evidence beside the stamps, from which the way comes.
+        if (seen.excused and way.is_known) or step.late is None or step.arrived < -_EARLY_ARRIVAL:
             cost += lateness
         # Else both are late for the same reason. While no way is known, only falling behind is evidence.
         elif abs(step.arrived - step.late) > _EARLY_ARRIVAL and (

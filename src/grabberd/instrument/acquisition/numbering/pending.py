@@ -1,4 +1,4 @@
-"""Fields whose numbers are not settled yet, with the losses before each, and the first fields of a stream.
+"""Fields whose numbers are not settled yet, and the first fields of a stream.
 
 Those of a stream that begins are kept back until it is known how late the first one was: there is nothing to
 compare it with.
@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 from statistics import median
 from typing import Self
 
-from grabberd.core.ledger import NO_SIGNAL, UNCERTAIN, LedgerEntry, Outcome, never_came
+from grabberd.core.ledger import NO_SIGNAL, UNCERTAIN, Outcome
 from grabberd.instrument.acquisition.device import StreamInfo
 from grabberd.instrument.acquisition.numbering.arrivals import Arrival, Arrivals, Way
 from grabberd.instrument.acquisition.numbering.pace import Pace
@@ -38,6 +38,7 @@ class Pending:
         standstill: Why the driver's buffers may have been full before it, or None.
         of_driver: A standstill shortly before it, if the driver may have stood still as well.
         may_be_held: True if that was right before it.
+        resumed_ns: When the program went on after that.
     """
 
     parity: int
@@ -59,6 +60,7 @@ class Pending:
     standstill: str | None
     of_driver: Standstill | None = None
     may_be_held: bool = False
+    resumed_ns: int | None = None
 
     def overcounts(self, fields: int) -> bool:
         """True if the driver has counted more fields since the previous one than there were."""
@@ -102,45 +104,8 @@ def outcome_of(no_signal: str | None, damage: str | None) -> tuple[Outcome, str 
     return Outcome.RECEIVED, None
 
 
-TIME_GAP = "time gap"
-SEQUENCE_GAP = "sequence gap"
-REPEATED_PARITY = "repeated parity"
 _LATE = 0.75
 """Delay in periods with which a field may arrive without having waited."""
-GAPS = {TIME_GAP, SEQUENCE_GAP, REPEATED_PARITY}
-
-
-def lost_before(
-    pending: Pending, step: Step, n: int, by_computer: int, standstill: str | None
-) -> tuple[LedgerEntry, ...]:
-    """The entries for the fields missing before field `n`, the first `by_computer` of which were lost to the
-    standstill, if there was one; empty if none are missing.
-    """
-    count, first_n = step.fields - 1, n - step.fields + 1
-    gap = NO_SIGNAL if pending.no_signal else _gap(pending, step)
-    if standstill is None or pending.no_signal or pending.interruption:
-        each = [(count, pending.interruption or gap)]
-    else:
-        each = [(by_computer, standstill), (count - by_computer, gap)]
-    firsts = (first_n, first_n + each[0][0])
-    return tuple(never_came(at, *one) for at, one in zip(firsts, each, strict=False) if one[0])
-
-
-def _gap(pending: Pending, step: Step) -> str:
-    if pending.time_ns is not None and step.late is not None and abs(step.late) <= 0.5:
-        return TIME_GAP
-    if pending.count == step.fields:
-        return SEQUENCE_GAP
-    by_parity = pending.time_ns is None and pending.phase is not None
-    return REPEATED_PARITY if by_parity else TIME_GAP
-
-
-def doubtful(lost: tuple[LedgerEntry, ...], uncertain_by: int) -> tuple[LedgerEntry, ...]:
-    """The same entries if it is uncertain whether the fields are missing: then the cable is not blamed.
-    An interruption and a busy computer are known independently, whatever the number of lost fields.
-    """
-    reason = f"{UNCERTAIN} {uncertain_by}"
-    return tuple(one._replace(reason=reason) if one.reason in GAPS else one for one in lost)
 
 
 def uncounted(pending: Pending, step: Step) -> int:

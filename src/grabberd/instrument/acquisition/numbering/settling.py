@@ -188,6 +188,7 @@ class Evidence(NamedTuple):
         stamped: False if its time had to be predicted: then its stamp matches nothing.
         counted: Fields since the previous one by the driver's count; None if unknown.
         turned: True if the camera goes on in the other phase with this one; None if its fields have no phase.
+        is_older: True if it was handed over after a later one: the camera has exposed none for its number.
     """
 
     uncertain_by: int
@@ -200,6 +201,7 @@ class Evidence(NamedTuple):
     stamped: bool = True
     counted: int | None = None
     turned: bool | None = None
+    is_older: bool = False
 
 
 class Doubts:
@@ -278,7 +280,7 @@ class Doubts:
         uncertain_by, way_is_known = evidence.uncertain_by, evidence.way_is_known
         self.too_high_by = evidence.ahead_by
         self._known_too_high += evidence.ahead_by
-        self._fields += 1
+        self._fields += not evidence.is_older
         counts = self._counted is not None and evidence.counted is not None
         self._counted = (self._counted or 0) + (evidence.counted or 0) if counts else None
         self._keeps_phase = evidence.turned is False and (self._keeps_phase or not self.open)

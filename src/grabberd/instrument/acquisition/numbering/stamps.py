@@ -129,4 +129,6 @@ class Stamps:
 
     def explains(self, stamp_ns: int, predicted_ns: int) -> bool:
         """True if a stamp is from the clock that is now followed, but was not when the stamp came."""
-        return abs(stamp_ns - self._offset_ns - predicted_ns) <= _AGREE * self._pace.period_ns
+        return (
+            stamp_ns > 0 and abs(stamp_ns - self._offset_ns - predicted_ns) <= _AGREE * self._pace.period_ns
+        )

@@ -11,7 +11,7 @@ from grabberd.instrument.acquisition.device import StreamInfo
 from grabberd.instrument.acquisition.numbering.arrivals import Arrivals
 from grabberd.instrument.acquisition.numbering.pace import Pace
 from grabberd.instrument.acquisition.numbering.paths import Step
-from grabberd.instrument.acquisition.numbering.pending import Pending
+from grabberd.instrument.acquisition.numbering.pending import Pending, uncounted
 from grabberd.instrument.acquisition.numbering.stamps import FUTURE_NS, MOVED, OF_DOUBTED, OF_GOOD, Stamps
 
 _SLOWEST_GAIN = 0.02
@@ -22,6 +22,8 @@ _PERIOD_TOLERANCE = 5e-3  # a crystal is good to some 100 ppm, a camera in the f
 _FREE_TOLERANCE = 1e-2
 _LEARNED = 5e-5
 """Least relative σ of the period: by so much it varies when stamps jitter."""
+_KNOWN_AFTER = 250
+"""Measured fields after which changes of the period are those of the camera."""
 
 
 class FieldClock:
@@ -52,6 +54,12 @@ class FieldClock:
         self._of_phase, self._of_both, self._of_period = _JITTER**2, 0.0, (self._tolerance / 4) ** 2
         self.measured = 1
         self.locked = False
+        self._shortest_ns = self._longest_ns = math.nan
+
+    @property
+    def wander(self) -> float:
+        """Relative amount by which the period has varied since it is known: by so much it may vary again."""
+        return 0.0 if math.isnan(self._longest_ns) else self._longest_ns / self._shortest_ns - 1
 
     @property
     def period_ns(self) -> float:
@@ -96,6 +104,9 @@ class FieldClock:
         phase, period = (1.0, 0.0) if self._exact else self._gains(steps)
         self._move(due_ns + phase * late_ns)
         self._period_ns = self._limited_ns(self._period_ns + period * late_ns)
+        if self.measured > _KNOWN_AFTER:
+            self._shortest_ns = min(self._period_ns, self._shortest_ns)
+            self._longest_ns = max(self._period_ns, self._longest_ns)
         return self.time_ns
 
     def stretch(self, steps: int, measured: float, *, is_known: bool) -> None:
@@ -141,7 +152,7 @@ _EARLY = 3
 _NEW_FOR = 100
 """Fields of a stream within which its first stamps may turn out to have been late. Later on, early stamps are
 those of another clock."""
-_OFF_TICK = 0.05
+_OFF_TICK = 0.15
 """Periods by which a clock is set in addition to a tick of its stamps."""
 _TAKEN_OVER = 5
 """Consecutive untrusted stamps after which arrivals are used instead: fewer are a few bad ones, or the first
@@ -175,9 +186,10 @@ class Timing:
         self._arrivals = arrivals
         self._since_ns = since_ns
         self._first_ns: int | None = None
-        self._early = self._doubted = 0
+        self._early = self._doubted = self._uncounted = 0
         self._arrives_after_ns: int | None = None
         self._late = self._ahead = 0.0
+        self._behind: list[float] = []
         self.rebases: list[tuple[Rebase, str]] = []
 
     @property
@@ -204,7 +216,8 @@ class Timing:
 
     def _spread_of_rate(self, steps: int) -> float:
         """The part of it that comes from the rate; stamps on a grid tilt what was learned of that."""
-        by_field = _SURELY * self._clock.period_sigma + self._arrivals.grid / self._clock.measured
+        by_field = max(_SURELY * self._clock.period_sigma, self._clock.wander)
+        by_field += self._arrivals.grid / self._clock.measured
         return steps * min(by_field, _PERIOD_TOLERANCE)
 
     def steps_to(self, time_ns: int | None) -> float | None:
@@ -247,6 +260,7 @@ class Timing:
 
     def come_to(self, pending: Pending, step: Step, n: int) -> tuple[int, str | None]:
         """Advance the clock to field `n`; its time, and why that is predicted."""
+        self._uncounted += uncounted(pending, step)
         time_ns, reason = self._come_to(pending, step, n)
         arrived_ns = pending.arrival.time_ns
         if arrived_ns is None:
@@ -302,14 +316,29 @@ class Timing:
         assert pending.time_ns is not None, "a stamp that is not believed is off in no way"
         self._stamps.fits()
         if late > 0:
-            return self._clock.advance(step.fields), "late timestamp"
+            if not self._falls_behind(pending, late):
+                return self._clock.advance(step.fields), "late timestamp"
+            self._run_ahead(-late, pending.time_ns)
+            return pending.time_ns, None
         if self._arrivals.way.is_known and self._arrived_late_by(pending, step) > _IN_TIME:
             # It has waited, so its arrival is no evidence: a later one in time will reveal the clock.
             return self._clock.advance(step.fields), "early timestamp"
-        is_new = pending.stamped_on_arrival and (n < _NEW_FOR or not self._arrivals.way.is_known)
+        is_new = pending.stamped_on_arrival and (
+            (n < _NEW_FOR and not self._uncounted) or not self._arrivals.way.is_known
+        )  # a loss that was not counted may be none: then the numbers run ahead, and no stamp was late
         if is_new and not self._is_before_request(pending.time_ns, step):
             return self._begin_again(pending, step)
         return self._come_early(pending.time_ns, step, late), None
+
+    def _falls_behind(self, pending: Pending, late: float) -> bool:
+        """True if stamps of exposures are late alike, of fields in time whose way is unknown: then so many
+        fields were lost unnoticed.
+        """
+        if self._arrivals.way.is_known or not self._arrivals.tells_of_stamps or not pending.in_time:
+            return False
+        alike = self._behind and abs(late - self._behind[-1]) <= _LATE
+        self._behind = [*self._behind, late] if alike else [late]
+        return len(self._behind) >= OF_GOOD
 
     def _come_in_time(self, pending: Pending, step: Step, late: float, n: int) -> tuple[int, str | None]:
         """Advance to a field that arrived in time, although its stamp is off."""
@@ -355,6 +384,7 @@ class Timing:
     def _run_ahead(self, periods: float, time_ns: int) -> None:
         """Note that the numbers have run ahead of the camera, and continue from a time."""
         self._ahead = periods
+        self._behind = []
         self._clock.lock(time_ns)
 
     def _go_without(self, pending: Pending, predicted_ns: int) -> None:

@@ -27,6 +27,7 @@ class Turns:
         self._pace = pace
         self._in_turn = in_turn
         self._older_by = self._next_older_by = 0
+        self._newest: Pending | None = None
 
     def is_awaited(self, oldest: Pending, step: Step, after: Iterable[Pending]) -> bool:
         """True if the next buffer may show that a field was handed over too early, and waits already."""
@@ -38,12 +39,20 @@ class Turns:
     def out_by(self, oldest: Pending, after: Iterable[Pending]) -> int:
         """Number of fields by which one may be out of its turn; to be called for each in order."""
         if not oldest.arrival.joined:
-            self._older_by = self._next_older_by
+            # Several may have passed it by.
+            self._older_by = self._fields_older(self._newest, oldest)
             self._next_older_by = self._fields_older(oldest, _next_buffer(after))
+            if not self._older_by:
+                self._newest = oldest
         return max(self._older_by, self._next_older_by)
 
-    def _fields_older(self, one: Pending, other: Pending | None) -> int:
-        if other is None or other.in_time or other.interruption:
+    @property
+    def is_older(self) -> bool:
+        """True if the last field is older than the newest before: it is not one more."""
+        return self._older_by > 0
+
+    def _fields_older(self, one: Pending | None, other: Pending | None) -> int:
+        if one is None or other is None or other.in_time or other.interruption:
             return 0
         by_stamp = round((one.stamp_ns - other.stamp_ns) / self._pace.period_ns) if other.stamp_ns > 0 else 0
         by_count = 0
