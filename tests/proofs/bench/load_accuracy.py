@@ -212,8 +212,8 @@ def _text(figures: Figures, name: str) -> str:
     if not np.isfinite(figures.rms):
         return "none"
     digits = {LOAD: 0}.get(name, 2)
-    bias, rms, sigma = (f"{one:.{digits}f}" for one in figures[:3])
-    return f"{rms} / {sigma} ({figures.chi2:.2f}), {bias}"
+    rms, sigma = (f"{one:.{digits}f}" for one in (figures.rms, figures.sigma))
+    return f"{rms} / {sigma} ({figures.chi2:.2f}) {figures.bias:+.{digits}f}"
 
 
 def _each(found: Sequence[Judged]) -> Iterator[str]:
