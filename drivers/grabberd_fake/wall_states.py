@@ -9,6 +9,7 @@ TPPD, CCPD, bending stiffness, contact pressure and load on the teat.
 import json
 from functools import lru_cache
 from importlib.resources import files
+from importlib.resources.abc import Traversable
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -33,13 +34,17 @@ class WallStates:
         about: the design and the teat that were solved.
     """
 
-    def __init__(self, name: str) -> None:
+    def __init__(self, name: str, folder: Traversable | None = None) -> None:
         """Reads a table.
+
+        Args:
+            name: of the table.
+            folder: that holds it; by default the one of this package.
 
         Raises:
             ValueError: there is none of that name; the message lists those there are.
         """
-        table = files(__package__) / FOLDER / f"{name}.npz"
+        table = (folder or files(__package__) / FOLDER) / f"{name}.npz"
         if not table.is_file():
             raise ValueError(f"no wall is named {name!r}; there are {', '.join(wall_names())}")
         self.name = name

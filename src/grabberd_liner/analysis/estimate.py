@@ -47,6 +47,13 @@ class Joint(NamedTuple):
         variance = ((weights @ self.covariance) * weights).sum(axis=-1)
         return Estimate(weights @ self.value, np.sqrt(np.maximum(variance, 0.0)))
 
+    def mixed(self, other: "Joint", share: float) -> "Joint":
+        """Mean and covariance if the other values are right with a probability, and these otherwise."""
+        apart = other.value - self.value
+        within = (1 - share) * self.covariance + share * other.covariance
+        between = share * (1 - share) * np.outer(apart, apart)
+        return Joint(self.value + share * apart, within + between)
+
 
 class Quantity(NamedTuple):
     """Meaning of a number.

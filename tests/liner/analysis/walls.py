@@ -8,7 +8,7 @@ import numpy as np
 from core.geometry.rigs import calibration
 from grabberd.core.geometry import Rig, project_all
 from grabberd.core.reconstruction import ObjectModel, Points, SingleViewImages
-from grabberd_fake.wall_states import Patch, wall_states
+from grabberd_fake.wall_states import Patch, WallStates, wall_states
 from grabberd_liner.analysis.grid import Grid
 from grabberd_liner.analysis.load.pressure import ChamberVacuum, PressureMap, PressureModel
 from grabberd_liner.analysis.wall.material import Material, Zone
@@ -32,10 +32,10 @@ def rig() -> Rig:
 class SolvedLiner:
     """A liner on a teat, with targets glued to it in rows and columns."""
 
-    def __init__(self, name: str, columns: int = COLUMNS) -> None:
-        """Reads its table."""
+    def __init__(self, name: str, columns: int = COLUMNS, states: WallStates | None = None) -> None:
+        """Reads its table, unless its states are given."""
         self.name = name
-        self.states = wall_states(name)
+        self.states = states or wall_states(name)
         self.design = self.states.about["design"]
         face_mm = self.design["radius_mm"] + self.design["wall_mm"] / 2
         self.x_mm = (np.arange(ROWS) - (ROWS - 1) / 2) * PITCH_MM
@@ -70,6 +70,10 @@ class SolvedLiner:
     def contact_kpa(self, outer_kpa: float) -> np.ndarray:
         """(N,) contact pressure under the targets."""
         return self._patch.values(self.states.contact_kpa(outer_kpa)).ravel()
+
+    def values_kpa(self, outer_kpa: float, x_mm: np.ndarray, theta: np.ndarray) -> np.ndarray:
+        """(R, C) contact pressure at heights and angles of the mounted tube."""
+        return Patch(self.states, x_mm, theta).values(self.states.contact_kpa(outer_kpa))
 
     def points(self, outer_kpa: float, seed: int, sigma_mm: np.ndarray = EIGHT_BITS_MM) -> Points:
         """Points of one field, with noise."""

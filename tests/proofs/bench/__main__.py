@@ -31,6 +31,7 @@ from tests.proofs.bench import (
     light_clock,
     liner_study,
     live,
+    load_accuracy,
     loaded,
     location,
     location_bits,
@@ -111,6 +112,9 @@ PARTS: Mapping[str, Mapping[str, Callable[[], str]]] = {
     "liners": {"Three liners, four captures each: quantities compared with the truth": liner_study.table},
     "demonstration": {
         "A complete liner study from the command line, compared with the truth": demonstration.table
+    },
+    "load": {
+        "Compression and load on closed walls set aside": load_accuracy.table,
     },
     "location": {
         "Pointing of all locators on the same fields, RMS in px": location.table,

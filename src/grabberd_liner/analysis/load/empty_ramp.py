@@ -34,11 +34,11 @@ _PART = 0.5
 _SIGMA_STIFFNESS = 0.1
 """σ of ln E t³ above which the ramp would not help a map of the pressure."""
 _LEAST_SIGMA_KPA = 1e-3
-LAW_SIGMA = 0.03
-"""σ of ln E for what the rubber's law and the liner's shape may differ from the model's.
+LAW_SIGMA = {"E_mpa": 0.03, "wall_mm": 0.008, "F0_n": 0.09}
+"""σ of ln E, ln t and ln F0 for what the rubber's law and the liner's shape may differ from the model's.
 
-Six solved liners: with the model's law and a straight barrel E t³ is right to .01; with a stiffening law
-or a taper of 1 % it is off by .04.
+On six solved liners E t³ errs by .03 RMS and F0 by .1, most with a stiffening law and with a taper of 1 %:
+more than noise and what was known before explain. None of it is in the modulus alone.
 """
 _MODEL_MM, _MODEL_ROUND_MM, _MODEL_ALONG_MM = 0.02, 8.0, 20.0
 """How far the shell is from a solid of finer elements where it folds, and over what length that changes."""
@@ -142,7 +142,7 @@ def liner_values(
     buckled = _BUCKLED * material.radius_mm
     fit = fit_ramp(ramp, [fallen_mm[index] * (fallen_mm[index] > buckled) for index in used])
     misfit, covariance = float(fit.misfit.mean()), fit.covariance[:TUBE_VALUES, :TUBE_VALUES].copy()
-    covariance[0, 0] += LAW_SIGMA**2
+    covariance += np.diag(np.square(list(LAW_SIGMA.values())))
     _check(misfit, covariance, len(used))
     young, thickness, pretension = np.exp(fit.values[:TUBE_VALUES])
     return LinerValues(

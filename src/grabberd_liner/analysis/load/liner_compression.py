@@ -23,7 +23,7 @@ from grabberd_liner.analysis.pulsation.phases import Phases
 COMPRESSION_SHARE, LOAD_SHARE = 0.08, 0.04
 """σ of the estimator itself by the value, on walls solved as solids, beyond that of its inputs and noise.
 
-Contact is never quite 0 in the prior, so pressures come out too high rather than too low.
+It errs either way: too low where a liner presses far round its teat, too high where it hardly presses.
 """
 _DRAWS, _SEED = 400, 5
 """Of profiles, to find how far the place of a maximum scatters: its σ to 4 %."""

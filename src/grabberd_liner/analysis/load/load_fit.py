@@ -288,6 +288,12 @@ class Posterior:
         covariance = self._left(self.model.tube_covariance(self.difference), seen)
         return self.model.tube_values(self.parameters), covariance
 
+    @property
+    def liner_misfit(self) -> float:
+        """χ² by which the liner's own three values are away from what was known of them."""
+        away = self.model.tube_values(self.parameters)[:-1]
+        return float(away @ np.linalg.solve(self.model.tube_prior.covariance, away))
+
     def _left(self, prior: Array, seen: Array) -> Array:
         """(N, N) posterior covariance, from the prior one and that with the sights (N, M)."""
         whitened = self._whitened(seen)

@@ -91,6 +91,13 @@ class LoadProfile(NamedTuple):
             gap_mm=gap._replace(value=gap.value + gap_mm),
         )
 
+    def mixed(self, other: "LoadProfile", share: float) -> "LoadProfile":
+        """Compression and load if the other profile's are right with a probability."""
+        return self._replace(
+            compression_kpa=self.compression_kpa.mixed(other.compression_kpa, share),
+            load_n_per_mm=self.load_n_per_mm.mixed(other.load_n_per_mm, share),
+        )
+
     def spans_within(self, first_mm: float, last_mm: float) -> Array:
         """(H,) present length that each height stands for in a stretch of the mounted tube; 0 outside it."""
         return np.diff(np.clip(self.borders_mm, first_mm, last_mm)) * self.length

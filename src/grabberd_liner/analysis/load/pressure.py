@@ -21,13 +21,13 @@ from grabberd.core.arrays import Array, Mask
 from grabberd.core.geometry import Rig
 from grabberd.core.reconstruction import Points
 from grabberd.errors import AnalysisError
-from grabberd_liner.analysis.estimate import Estimate
+from grabberd_liner.analysis.estimate import Estimate, Joint
 from grabberd_liner.analysis.grid import Grid
 from grabberd_liner.analysis.load.load_fit import MISFIT_ALARM, Posterior, Response, fit_load, posterior
 from grabberd_liner.analysis.load.load_profile import LoadProfile, Sections, is_empty, profile_heights
 from grabberd_liner.analysis.load.mounting import Mounting
 from grabberd_liner.analysis.load.targets import Sights
-from grabberd_liner.analysis.load.wall_model import Difference, LoadPrior, TubePrior, WallModel
+from grabberd_liner.analysis.load.wall_model import WIDE, Difference, LoadPrior, TubePrior, WallModel
 from grabberd_liner.analysis.load.wall_surfaces import FaceLattice, MiddleSurface, MiddleSurfaces, OuterFace
 from grabberd_liner.analysis.surface.fitting import LARGEST_SHARE_OUT, OUTLYING
 from grabberd_liner.analysis.wall.material import Material, Zone
@@ -225,6 +225,10 @@ _ARC_MM = 10.0
 wall is hardly flat for longer."""
 _MEAN_SHARE = 0.06
 """Share by which a mean errs beyond its covariance: what a prior that is one for all teats makes of each."""
+_MISFIT_LINER = 1.5
+"""χ² of the liner's three values from which on a wall may press farther round than the usual prior has it."""
+_ODDS = 3.0
+"""Of the usual prior over `WIDE`, before the liner's values are looked at."""
 _FAR = "no targets near enough"
 _EMPTY = "opposite walls meet wherever the liner presses: it presses itself, there is no teat in it"
 
@@ -236,12 +240,16 @@ class SettledWall(NamedTuple):
         found: the wall; `free`: with a free hidden half, where `found` takes it for a mirror image.
         left_out: indices of targets that the others contradict.
         alone: (N,) True for targets that one view alone sees, and the others do not contradict.
+        other: the wall by the less probable prior of the load; None if it need not be looked at.
+        share: probability of that.
     """
 
     found: Posterior
     free: Posterior | None
     left_out: tuple[int, ...]
     alone: Mask
+    other: Posterior | None = None
+    share: float = 0.0
 
     @property
     def contradicted(self) -> bool:
@@ -279,15 +287,16 @@ class PressureModel:
         material = _material(zones)
         self._grid, self._sought_kpa = grid, sought_kpa
         self._mounting = Mounting.of(grid, material, reference, rig)
-        self._series = self._of(material, mirrored=unseen == "mirrored")
-        self._compared = self._of(material, mirrored=False) if unseen == "mirrored" else None
+        self._series = self._of(material, unseen == "mirrored")
+        self._wide = self._of(material, unseen == "mirrored", WIDE)
+        self._compared = self._of(material, False) if unseen == "mirrored" else None
         self._middle = MiddleSurfaces(self._series.model, material)
         self._lattice = FaceLattice(grid, self._mounting)
         self._sections: Sections | None = None
 
-    def _of(self, material: Material, mirrored: bool) -> LoadSeries:
+    def _of(self, material: Material, mirrored: bool, prior: LoadPrior | None = None) -> LoadSeries:
         half, targets = self._mounting.half, self._mounting.targets
-        return LoadSeries(WallModel(half, targets, LoadPrior(), TubePrior.of(material), mirrored))
+        return LoadSeries(WallModel(half, targets, prior or LoadPrior(), TubePrior.of(material), mirrored))
 
     def settled(self, points: Points, vacuum: ChamberVacuum) -> SettledWall:
         """The wall in equilibrium at one field, without points that the others contradict.
@@ -301,11 +310,34 @@ class PressureModel:
         """
         difference = Difference(vacuum.difference_kpa, max(vacuum.difference_sigma_kpa, _EXACT))
         sights = self._mounting.sights(points, self._grid)
-        found, left_out = _without_outliers(self._series.load(sights, difference))
+        found, other, share = self._weighed(sights, difference)
+        found, left_out = _without_outliers(found)
         free = self._compared.load(found.sights, difference) if self._compared else None
         alone = self._mounting.seen_alone(points, self._grid)
         alone[list(left_out)] = False
-        return SettledWall(found, free, left_out, alone)
+        return SettledWall(found, free, left_out, alone, other, share)
+
+    def _weighed(self, sights: Sights, difference: Difference) -> tuple[Posterior, Posterior | None, float]:
+        """The more probable of the walls by both priors of the load, the other one, and its probability.
+
+        By the liner's values, which all rows share: how well each explains the points cannot be compared, for
+        where a wall does not press, nothing that the load might be moves it.
+
+        Raises:
+            AnalysisError: the wall has no equilibrium by either.
+        """
+        try:
+            found = self._series.load(sights, difference)
+        except AnalysisError:
+            return self._wide.load(sights, difference), None, 0.0
+        if found.liner_misfit < _MISFIT_LINER:
+            return found, None, 0.0
+        try:
+            wide = self._wide.load(sights, difference)
+        except AnalysisError:
+            return found, None, 0.0
+        share = 1 / (1 + _ODDS * float(np.exp((wide.liner_misfit - found.liner_misfit) / 2)))
+        return (found, wide, share) if share < 1 / 2 else (wide, found, 1 - share)
 
     def of_settled(
         self,
@@ -327,7 +359,10 @@ class PressureModel:
             split: true to tell the noise of what was seen apart in the load over height.
         """
         found, within = settled.found, within | settled.alone
-        value, covariance = found.contact_kpa(found.model.targets)
+        joint = Joint(*found.contact_kpa(found.model.targets))
+        if settled.other is not None:
+            joint = joint.mixed(Joint(*settled.other.contact_kpa(found.model.targets)), settled.share)
+        value, covariance = joint
         contact = Estimate(value, np.sqrt(np.diagonal(covariance)))
         # The liner's vacuum is in the difference as well, where its error partly cancels: never too small.
         above = Estimate(value - vacuum.liner_kpa, np.hypot(contact.sigma, vacuum.liner_sigma_kpa))
@@ -335,6 +370,8 @@ class PressureModel:
         unseen_kpa = value - free.contact_kpa(free.model.targets)[0] if free else None
         refusal = _refusal(found.j, speed_mm_per_s)
         profile = None if refusal else self._profile(found, split)
+        if profile is not None and settled.other is not None:
+            profile = profile.mixed(self._profile(settled.other, split=False), settled.share)
         if profile is not None and is_empty(profile):
             refusal = _EMPTY
         reasons = self._reasons(contact, within) if not refusal else (refusal,) * len(within)

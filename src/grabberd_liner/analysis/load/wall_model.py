@@ -47,8 +47,8 @@ class LoadPrior:
     Attributes:
         softness_kpa: b, under which a contact pressure dies out.
         mean: mean of g on the line that faces the cameras, by the pressure difference.
-        falloff: by how many times that the mean falls towards the cuts: the wall folds there, away from the
-            teat.
+        falloff: by how much that falls with the square of the way to the cuts: the wall folds there, away
+            from the teat. `level` is the part of the way from which on the mean is level.
         amplitude: standard deviation of g, by the pressure difference: the wall has no more to press with.
         least_kpa: the pressure difference is taken for at least that.
         round_mm, along_mm: lengths over which g is correlated.
@@ -62,6 +62,7 @@ class LoadPrior:
     softness_kpa: float = 2.5
     mean: float = -1.0
     falloff: float = 8.0
+    level: float = 0.5
     amplitude: float = 1.4
     least_kpa: float = 15.0
     round_mm: float = 6.0
@@ -94,9 +95,8 @@ class LoadPrior:
 
     def mean_mpa(self, grid: SplineGrid, difference_kpa: float) -> Array:
         """(K,) prior mean of g's control values under a pressure difference."""
-        # Level beyond 45°: farther from contact than that, no data would be believed.
-        turned = np.minimum(np.abs(grid.around.greville) / grid.around.greville[-1], 0.5)
-        around = self.mean * self._scale_mpa(difference_kpa) * (1 + self.falloff * turned**2)
+        turned = np.minimum(np.abs(grid.around.greville) / grid.around.greville[-1], self.level)
+        around = self._scale_mpa(difference_kpa) * (self.mean - self.falloff * turned**2)
         return np.tile(around, grid.along.count)
 
     def scale_mpa(self, difference_kpa: float) -> float:
@@ -124,6 +124,14 @@ class LoadPrior:
         correlation = _correlation(along, self.cut_mm) + _NUGGET * np.eye(len(along))
         deviations = (self.shift_mm, self.turn_rad, self.force_n_per_mm)
         return [sigma**2 * correlation for sigma in deviations for _ in range(2)]
+
+
+WIDE = LoadPrior(mean=0.0, falloff=6.0, level=1.0)
+"""Of a wall that presses far round its teat.
+
+The usual prior takes that for so unlikely, row by row, that it would rather have a stiffer and thicker wall.
+Of a wall that presses little, on the other hand, this one makes too much.
+"""
 
 
 @dataclass(frozen=True, slots=True)

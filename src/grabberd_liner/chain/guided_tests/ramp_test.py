@@ -194,8 +194,8 @@ def _against_prior(one: Evidence, name: str, ask: Question) -> Check:
     if not sigma:
         return ask.not_checked(f"the inputs take {name} for exact")
     # The prior is part of what was found: the two differ by what the ramp adds to it, and by the model's own
-    # error, which is in σ of the modulus and knows nothing of the prior.
-    law = LAW_SIGMA * float(found.value) if name == "E_mpa" else 0.0
+    # error, which is in σ and knows nothing of the prior.
+    law = LAW_SIGMA[name] * float(found.value)
     of_fit_2 = float(found.sigma) ** 2 - law**2
     learnt = math.sqrt(max(sigma**2 - of_fit_2, (_LEAST_PRIOR * sigma) ** 2) + law**2)
     return ask.agrees(found, before, learnt)
