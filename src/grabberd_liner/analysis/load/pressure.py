@@ -225,8 +225,9 @@ _ARC_MM = 10.0
 wall is hardly flat for longer."""
 _MEAN_SHARE = 0.06
 """Share by which a mean errs beyond its covariance: what a prior that is one for all teats makes of each."""
-_MISFIT_LINER = 1.5
-"""χ² of the liner's three values from which on a wall may press farther round than the usual prior has it."""
+_MISFIT_LINER = (1.0, 1.5)
+"""χ² of the liner's three values from which on a wall may press farther round than the usual prior has it;
+from the second one on that counts in full, for a load must not leap from field to field."""
 _ODDS = 3.0
 """Of the usual prior over `WIDE`, before the liner's values are looked at."""
 _FAR = "no targets near enough"
@@ -330,13 +331,14 @@ class PressureModel:
             found = self._series.load(sights, difference)
         except AnalysisError:
             return self._wide.load(sights, difference), None, 0.0
-        if found.liner_misfit < _MISFIT_LINER:
+        counts = float(np.interp(found.liner_misfit, _MISFIT_LINER, (0.0, 1.0)))
+        if not counts:
             return found, None, 0.0
         try:
             wide = self._wide.load(sights, difference)
         except AnalysisError:
             return found, None, 0.0
-        share = 1 / (1 + _ODDS * float(np.exp((wide.liner_misfit - found.liner_misfit) / 2)))
+        share = counts / (1 + _ODDS * float(np.exp((wide.liner_misfit - found.liner_misfit) / 2)))
         return (found, wide, share) if share < 1 / 2 else (wide, found, 1 - share)
 
     def of_settled(
