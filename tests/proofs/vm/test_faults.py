@@ -130,7 +130,7 @@ def test_a_grabber_that_comes_back_as_another_node_is_found_by_its_path(
     result = fast.call(faults.comes_back_as_another_node, field_order="alternate")
     _add(tables, "unplugged, back as another node", result)
     assert result["nodes"] == ["/dev/video0", "/dev/video1"]
-    assert {reason for *_, reason in result["entries"]} == {"unplugged"}
+    assert {reason for *_, reason in result["entries"] if UNCERTAIN not in reason} == {"unplugged"}
     assert result["recovered_s"] <= RECOVERED_S
     fast.call(vivid.unload)
 

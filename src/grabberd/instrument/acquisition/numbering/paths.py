@@ -23,6 +23,8 @@ _EARLY_ARRIVAL = 0.6
 _SHORTER_WAY, _MORE = 2.0, 3.0
 """Cost of a field that arrives sooner than all others, by any amount, while the shortest way is unknown: the
 computer was overloaded until then; plus an amount for each field that came regularly before."""
+_QUEUED = 64
+"""Periods by which no queue makes the first field of a stream late: drivers have 32 buffers of a frame."""
 _ARRIVAL = 0.5
 """Weight of an arrival's lateness relative to that of a stamp."""
 _COMPARED = 0.1
@@ -304,6 +306,8 @@ def _cost_of_time(step: Step, before: Step, seen: Seen, way: Way) -> float:
         # A way cannot be negative.
         if step.arrived < 0 and step.arrived + way.periods > -_JITTER:
             lateness = min(lateness, _cost_of_a_shorter_way(way, seen))
+        if seen.excused and step.arrived > _QUEUED:
+            return _FAR
         # A stream that has just restarted has no queue in which its first field could have become late. While
         # no way is known, that is no evidence beside the stamps, from which the way comes.
         if (seen.excused and way.is_known) or step.late is None or step.arrived < -_EARLY_ARRIVAL:
