@@ -97,7 +97,10 @@ def test_the_grabber_is_set_up(walk: Walk) -> None:
     walk.begin("Set up the grabber")
     devices = walk.types(f"grabberd devices --config {CONFIG}")
     assert "/dev/video0" in devices
-    walk.types(f"sed -i 's|# object: liner.yaml|object: {SHARE}/configs/objects/liner.yaml|' {CONFIG}")
+    walk.types(
+        "sed -i 's|# input: S-Video|field_order: interlaced|; "
+        f"s|# object: liner.yaml|object: {SHARE}/configs/objects/liner.yaml|' {CONFIG}"
+    )
     walk.types(f"grabberd check-config {CONFIG}")
     walk.types("systemctl restart grabberd")
     walk.waits("until fields arrive", unit.until_ready)
@@ -142,9 +145,6 @@ def test_the_liner_is_captured_and_measured(walk: Walk) -> None:
     walk.types(
         f"grabberd capture --url {HERE} --fields 100 --label cow=112 --label liner=A --out liner.grab", 900
     )
-    seen = walk.types("grabberd inspect liner.grab", 900)
-    assert "720 x 576 pixels" in seen
-    assert "the bottom field first" in seen, "as the dongle's driver has it"
     walk.types("grabberd export liner.grab --format csv --out liner-points")
     walk.machine.call(first_day.type_in, line="cp liner.grab liner-points/points.csv /share")
     with CaptureReader(walk.machine.share / "liner.grab") as reader:

@@ -1,17 +1,24 @@
 """Drivers of real grabbers, before emulated ones: what the ledger says, judged by the truth in each row."""
 
 import random
+import subprocess
+import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import Any
 
+import numpy as np
 import pytest
 
+from grabberd.archive.capture.reader import CaptureReader
+from proofs.vm import film
 from proofs.vm.guest import emulated, grabbers, shell, vivid
+from proofs.vm.image import CHECKOUT
 from proofs.vm.machine import Machine
 from proofs.vm.tables import Tables
 from proofs.vm.usb.faults import Fault
 
+CONFIGS = CHECKOUT / "configs"
 NOTE = (
     "Emulated on the bus (USB/IP), programmed and read by Debian's own drivers. Each row of a picture has "
     "the number of the camera's field. Unseen: fields that are called received, though a row is of another "
@@ -215,6 +222,48 @@ def test_a_device_that_cannot_start_is_named_and_the_daemon_stays_up(
     with _plugged(fast, starved):
         causes = fast.call(grabbers.refused, kind=starved, words=words)
     assert any(says in cause for cause in causes), causes
+
+
+def test_before_a_dongle_pictures_are_inspected_a_rig_is_calibrated_and_a_liner_measured(
+    fast: Machine, tables: Tables
+) -> None:
+    scenes = {"frame": film.CALIBRATION_FRAME, "liner": film.LINER}
+    with _plugged(fast, "usbtv"):
+        for name, scene in scenes.items():
+            film.render(fast.share / f"{name}.film", scene)
+            where = {"film": f"/share/{name}.film", "target": f"/share/{name}.grab"}
+            lost = fast.call(grabbers.filmed, kind="usbtv", fields=100, bits=8, **where)
+            assert lost == []
+    frame, liner, calibration = (fast.share / name for name in ("frame.grab", "liner.grab", "rig.json"))
+    seen = _grabberd("inspect", liner)
+    assert "720 x 576 pixels" in seen
+    assert "each field follows the one before" in seen
+    targets, geometry = CONFIGS / "calibration-frames" / "paper-108.yaml", CONFIGS / "fake.yaml"
+    _grabberd("calibrate", frame, "--calibration-frame", targets, "--config", geometry, "--out", calibration)
+    _grabberd("measure", liner, "--calibration", calibration, "--object", CONFIGS / "objects" / "liner.yaml")
+    with CaptureReader(liner) as reader:
+        errors_mm = film.errors_mm(reader, film.stamps(reader))
+    rms_mm, worst_mm = float(np.sqrt((errors_mm**2).mean())), float(errors_mm.max())
+    tables.add(
+        "Before a dongle",
+        "Films of the calibration frame and of the liner before an emulated usbtv: captured at 8 bits in the "
+        "machine, inspected, calibrated and measured outside of it.",
+        fields=200,
+        points=len(errors_mm),
+        RMS_mm=f"{rms_mm:.3f}",
+        worst_mm=f"{worst_mm:.2f}",
+    )
+    assert len(errors_mm) > 60 * 100
+    assert rms_mm < 0.05
+    assert worst_mm < 1.0
+
+
+def _grabberd(*words: object) -> str:
+    """What a command says, outside of the machine."""
+    command = [sys.executable, "-c", "from grabberd.cli import main; main()", *map(str, words)]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stdout + done.stderr
+    return done.stdout
 
 
 def test_of_pictures_that_come_twice_each_is_received_once(fast: Machine) -> None:

@@ -85,15 +85,6 @@ def unplug(kind: str) -> None:
     wait_for(lambda: not nodes(), PATIENCE_S)
 
 
-def show(kind: str, film: str) -> None:
-    """Plugs one in, if it is not there, before a camera that sees this film round and round."""
-    copied = Path("/dev/shm", Path(film).name)
-    copied.write_bytes(Path(film).read_bytes())
-    if kind not in plugged:
-        plug_in(kind)
-    plugged[kind]("sees", str(copied))
-
-
 def family(kind: str) -> str:
     """Its kind without the format of its pictures."""
     return kind.partition(",")[0]

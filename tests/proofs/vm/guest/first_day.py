@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 from urllib.parse import urljoin
 
-from proofs.vm.guest import emulated, unit
+from proofs.vm.guest import unit, vivid
 from proofs.vm.guest.client import ADDRESS, ask
 from proofs.vm.guest.shell import run, wait_for
 
@@ -19,8 +19,12 @@ _LINKED = re.compile(r"""(?:src|href|from|import)\s*[=(]?\s*["']([^"'#?]+\.(?:js
 
 
 def put_before_the_camera(film: str) -> None:
-    """A dongle is plugged in, and its camera sees this film round and round."""
-    emulated.show("usbtv", film)
+    """A grabber is plugged in, and its camera sees this film round and round."""
+    if not Path(vivid.OUTPUT).exists():
+        vivid.load_loop()
+    vivid.stop_playing()
+    Path("/dev/shm/film").write_bytes(Path(film).read_bytes())
+    vivid.play("/dev/shm/film")
 
 
 def type_in(line: str, timeout_s: float = 1200) -> dict[str, Any]:

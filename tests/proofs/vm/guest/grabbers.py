@@ -3,6 +3,7 @@
 import fcntl
 import json
 import os
+import shutil
 import tempfile
 import time
 from collections import Counter
@@ -96,6 +97,21 @@ def judged(kind: str, cases: Sequence[tuple[str, Sequence[Sequence[Any]]]]) -> d
         "skipped": grabber("state")["skipped"] - skipped,
         "fields": len(rows),
     }
+
+
+def filmed(kind: str, film: str, fields: int, bits: int, target: str) -> list[str]:
+    """Captures before a camera that sees a film, into a file; what the ledger says."""
+    copied = Path("/dev/shm/film")
+    shutil.copy(film, copied)
+    plugged[kind]("sees", str(copied))
+    with _service(kind) as (service, folder):
+        service.capture_control.start(None, CaptureRequest(fields=fields, bits=bits))
+        recording = service.instrument(None).captures.recording
+        assert recording is not None
+        assert recording.sealed.wait(PATIENCE_S)
+        (file,) = folder.rglob("*.grab")
+        shutil.copy(file, target)
+        return _told(recording.recorder.ledger.entries)
 
 
 def through(kind: str, happens: Sequence[Any], ends: Sequence[Any], seconds: float) -> dict[str, Any]:
