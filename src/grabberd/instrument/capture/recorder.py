@@ -8,12 +8,7 @@ from typing import Generic, TypeVar
 
 from grabberd import runtime
 from grabberd.clock import UtcClock
-from grabberd.core.ledger import (
-    Ledger,
-    LedgerEntry,
-    Outcome,
-    Slot,
-)
+from grabberd.core.ledger import Ledger, LedgerEntry, Outcome, Slot
 from grabberd.core.measurement.marks import Located
 from grabberd.errors import RingOverrun
 from grabberd.instrument.acquisition import RingReader, StreamInfo

@@ -239,8 +239,8 @@ class Arrivals:
         self._holds_one = False
 
     def lost_to_full_buffers(self, arrival: Arrival, time_ns: int, lost: int) -> tuple[int, bool]:
-        """Number of the fields lost before one, the first of them, that found all buffers filled; false if
-        some of them may have been lost on their way, which is a period longer or shorter than known.
+        """Number of the fields lost before one, the first of them, that found all buffers filled; and whether
+        that is certain: while the way is unknown, some of them may have been lost on it.
 
         A driver fills its buffers in turn, and drops what begins while none is free. So before a buffer they
         were all filled until the program returned it, after as many others: what began later than that was
