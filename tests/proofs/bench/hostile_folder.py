@@ -183,6 +183,10 @@ def memory_mb(pid: int) -> float:
 
 
 def _family(pid: int) -> Iterator[int]:
+    """A process and all below it, but for those that have not begun their own program.
+
+    Between vfork and exec a child has its parent's memory, which would count twice.
+    """
     yield pid
     try:
         children = [
@@ -193,7 +197,15 @@ def _family(pid: int) -> Iterator[int]:
     except OSError:  # it has ended
         return
     for child in children:
-        yield from _family(child)
+        if _program(child) != _program(pid):
+            yield from _family(child)
+
+
+def _program(pid: int) -> bytes:
+    try:
+        return Path(f"/proc/{pid}/cmdline").read_bytes()
+    except OSError:  # it has ended
+        return b""
 
 
 def _pss_mb(pid: int) -> float:
