@@ -63,6 +63,12 @@ class SolvedLiner:
         moved = Patch(self.states, self.x_mm + along_mm, self.theta + round_mm / self._face_mm)
         return self._places_mm(moved, outer_kpa)
 
+    def across_mm(self, outer_kpa: float) -> np.ndarray:
+        """(N, 3) targets, had the liner been turned by a quarter, so that its folds face the cameras."""
+        patch = Patch(self.states, self.x_mm, self.theta + np.pi / 2)
+        x, y, z = self._places_mm(patch, outer_kpa).T
+        return np.column_stack([x, -z, y])
+
     def _places_mm(self, patch: Patch, outer_kpa: float) -> np.ndarray:
         points, _ = patch.surface(self.states.outer_mm(outer_kpa))
         return points.reshape(-1, 3)

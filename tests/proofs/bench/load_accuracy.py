@@ -15,8 +15,7 @@ from tests.proofs.bench.load_walls import HELD_OUT, SEEDS, TUNING, Wall, walls
 from tests.proofs.bench.pressure_case import REFERENCE_MM, SOUGHT_KPA, Figures, Given, paragraph
 
 from grabberd.errors import AnalysisError
-from grabberd_liner.analysis.estimate import Estimate, Joint
-from grabberd_liner.analysis.load.liner_compression import COMPRESSION_SHARE, LOAD_SHARE
+from grabberd_liner.analysis.load.liner_compression import COMPRESSION_SHARE
 from grabberd_liner.analysis.load.load_profile import TEAT_END_MM, LoadProfile
 from grabberd_liner.analysis.load.pressure import PressureMap, PressureModel
 
@@ -111,8 +110,9 @@ def _pairs(
     for name, from_mm in stretches[: 1 if wall.plane else 2]:
         over = profile.spans_within(from_mm, end_mm)
         weights = over / over.sum()
-        found = _summed(profile.compression_kpa, weights, COMPRESSION_SHARE)
-        yield name, (np.array([float(found.value) - weights @ compression]), found.sigma.reshape(1))
+        found = profile.compression_kpa.summed(weights)
+        sigma = np.hypot(found.sigma, COMPRESSION_SHARE * found.value)
+        yield name, (np.array([float(found.value) - weights @ compression]), sigma.reshape(1))
     yield from _loads(profile, true, first_mm, end_mm)
 
 
@@ -127,20 +127,14 @@ def _loads(
         centres = true["x"][inside]
     weights = np.stack([_weights(profile.x_mm, x + _WITHIN * pitch_mm) for x in centres])
     truth = np.interp(centres, true["x"], true[LOAD])
-    found = _summed(load, weights, LOAD_SHARE)
+    found = load.summed(weights)
     true["on teat"] = 1000 * truth
     yield LOAD, (1000 * (found.value - truth), 1000 * found.sigma)
     whole = weights.sum(axis=0) * pitch_mm * profile.length
-    total = _summed(load, whole, LOAD_SHARE)
+    total = load.summed(whole)
     lengths = pitch_mm * np.interp(centres, profile.x_mm, profile.length)
     true["total"] = np.array([truth @ lengths])
     yield FORCE, (np.array([float(total.value) - truth @ lengths]), total.sigma.reshape(1))
-
-
-def _summed(joint: Joint, weights: Array, share: float) -> Estimate:
-    """Sums, with σ as the quantities have it."""
-    found = joint.summed(weights)
-    return found._replace(sigma=np.hypot(found.sigma, share * found.value))
 
 
 def _weights(x_mm: Array, at_mm: Array) -> Array:

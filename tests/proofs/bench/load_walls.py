@@ -33,7 +33,7 @@ from grabberd_fake.wall_states import WallStates, wall_states
 Array = NDArray[np.float64]
 
 TUNING, HELD_OUT = "tuning", "held-out"
-SEEDS = {TUNING: 11, HELD_OUT: 2044}
+SEEDS = {TUNING: 11, HELD_OUT: 3108}
 SECTIONS = {TUNING: 10, HELD_OUT: 38}
 LINERS = {TUNING: ("reference", "thin"), HELD_OUT: ("stiffening", "wide", "rubbing", "tapered")}
 TEATS = ("round", "blunt", "pointed")
@@ -69,7 +69,7 @@ def walls(of: str) -> Iterator[Wall]:
     random = np.random.default_rng(SEEDS[of])
     count = 0
     for number in range(10 * SECTIONS[of]):
-        case, outer_kpa = _drawn(random, f"{of}-{number}")
+        case, outer_kpa = _drawn(random, f"{of}-{SEEDS[of]}-{number}")
         if count < SECTIONS[of] and (states := _solved(case, outer_kpa)):
             count += 1
             yield Wall(states, outer_kpa, True)

@@ -172,6 +172,13 @@ class Posterior:
         """(K, 4) control values of the most probable wall."""
         return self.moved().control
 
+    @cached_property
+    def outward_mm(self) -> float:
+        """How far the wall's middle has moved towards the cameras, in the median of its heights."""
+        grid = self.model.half.grid
+        moved = (self.control - self.model.half.mounted)[:, 2].reshape(grid.along.count, grid.around.count)
+        return float(np.median(moved[:, grid.around.count // 2]))
+
     @property
     def places_mm(self) -> Array:
         """(T, 3) targets."""

@@ -92,10 +92,18 @@ class LoadProfile(NamedTuple):
         )
 
     def mixed(self, other: "LoadProfile", share: float) -> "LoadProfile":
-        """Compression and load if the other profile's are right with a probability."""
+        """Compression and load if the other profile's are right with a probability.
+
+        Both are of the same points, so that their noise goes together.
+        """
+        noise = self.noise
+        if noise is not None and other.noise is not None:
+            parts = zip(noise, other.noise, strict=True)
+            noise = Noise(*((1 - share) * own + share * others for own, others in parts))
         return self._replace(
             compression_kpa=self.compression_kpa.mixed(other.compression_kpa, share),
             load_n_per_mm=self.load_n_per_mm.mixed(other.load_n_per_mm, share),
+            noise=noise,
         )
 
     def spans_within(self, first_mm: float, last_mm: float) -> Array:

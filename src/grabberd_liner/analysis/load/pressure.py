@@ -223,14 +223,17 @@ _EXACT = 1e-4
 _ARC_MM = 10.0
 """How far round the wall from its middle a compression is averaged, if targets reach as far: on its teat, a
 wall is hardly flat for longer."""
-_MEAN_SHARE = 0.06
-"""Share by which a mean errs beyond its covariance: what a prior that is one for all teats makes of each."""
-_MISFIT_LINER = (1.0, 1.5)
-"""χ² of the liner's three values from which on a wall may press farther round than the usual prior has it;
-from the second one on that counts in full, for a load must not leap from field to field."""
-_ODDS = 3.0
+_MEAN_SHARE = 0.03
+"""Share by which a mean errs beyond its covariance, on walls solved as solids."""
+_ODDS = 2.0
 """Of the usual prior over `WIDE`, before the liner's values are looked at."""
+_CLOSING_KPA = (12.0, 20.0)
+"""Pressure difference from which on a wall may press far round its teat; from the second one on that counts
+in full, for a load must not leap from field to field."""
+_BULGE_MM = 0.5
+"""A closed wall whose middle has moved outward by more than that has folded across the view."""
 _FAR = "no targets near enough"
+_ACROSS = "the wall bulges towards the cameras: it presses the teat from the sides, which no camera sees"
 _EMPTY = "opposite walls meet wherever the liner presses: it presses itself, there is no teat in it"
 
 
@@ -327,11 +330,11 @@ class PressureModel:
         Raises:
             AnalysisError: the wall has no equilibrium by either.
         """
+        counts = float(np.interp(difference.kpa, _CLOSING_KPA, (0.0, 1.0)))
         try:
             found = self._series.load(sights, difference)
         except AnalysisError:
             return self._wide.load(sights, difference), None, 0.0
-        counts = float(np.interp(found.liner_misfit, _MISFIT_LINER, (0.0, 1.0)))
         if not counts:
             return found, None, 0.0
         try:
@@ -370,10 +373,10 @@ class PressureModel:
         above = Estimate(value - vacuum.liner_kpa, np.hypot(contact.sigma, vacuum.liner_sigma_kpa))
         free = settled.free
         unseen_kpa = value - free.contact_kpa(free.model.targets)[0] if free else None
-        refusal = _refusal(found.j, speed_mm_per_s)
+        refusal = _refusal(found, speed_mm_per_s)
         profile = None if refusal else self._profile(found, split)
         if profile is not None and settled.other is not None:
-            profile = profile.mixed(self._profile(settled.other, split=False), settled.share)
+            profile = profile.mixed(self._profile(settled.other, split), settled.share)
         if profile is not None and is_empty(profile):
             refusal = _EMPTY
         reasons = self._reasons(contact, within) if not refusal else (refusal,) * len(within)
@@ -427,13 +430,13 @@ def _without_outliers(found: Posterior) -> tuple[Posterior, tuple[int, ...]]:
     return found, ()
 
 
-def _refusal(misfit: float, speed_mm_per_s: float) -> str:
+def _refusal(found: Posterior, speed_mm_per_s: float) -> str:
     """The reason why a field has no pressure anywhere; empty if it may have one."""
-    if misfit > MISFIT_ALARM:
-        return f"the wall in equilibrium contradicts the points (misfit {misfit:.1f}, usual .3 to 1.2)"
+    if found.j > MISFIT_ALARM:
+        return f"the wall in equilibrium contradicts the points (misfit {found.j:.1f}, usual .3 to 1.2)"
     if speed_mm_per_s > FASTEST_MM_PER_S:
         return f"the wall moves at more than {FASTEST_MM_PER_S:g} mm/s: too fast for an equilibrium"
-    return ""
+    return _ACROSS if found.difference.kpa > 0 and found.outward_mm > _BULGE_MM else ""
 
 
 def _mean(value: Array, covariance: Array, use: Mask, reasons: Sequence[str]) -> Estimate:

@@ -126,7 +126,7 @@ class LoadPrior:
         return [sigma**2 * correlation for sigma in deviations for _ in range(2)]
 
 
-WIDE = LoadPrior(mean=0.0, falloff=6.0, level=1.0)
+WIDE = LoadPrior(mean=-0.5, falloff=4.0, level=0.7)
 """Of a wall that presses far round its teat.
 
 The usual prior takes that for so unlikely, row by row, that it would rather have a stiffer and thicker wall.

@@ -196,7 +196,7 @@ def test_a_wall_solved_as_a_solid_has_its_teat_s_end_load_and_compression_found(
     true = closed_liner_quantities(LinerOptions(wall), [DIFFERENCES_KPA[-1]])
     for name, true_value in true.items():
         if name in found:
-            assert abs(found[name].value - true_value) < 2.5 * found[name].sigma, name
+            assert abs(found[name].value - true_value) < 3 * found[name].sigma, name
     assert found["teat_load_n"].value == pytest.approx(true["teat_load_n"], rel=0.15)
     assert found["teat_load_peak_n_per_mm"].value == pytest.approx(true["teat_load_peak_n_per_mm"], rel=0.15)
     assert found["teat_end_x_mm"].value == pytest.approx(true["teat_end_x_mm"], abs=0.6)

@@ -56,7 +56,7 @@ def test_sigma_says_how_far_it_is_off(closing):
     ratio = [
         (one.contact_kpa.value - truth) / one.contact_kpa.sigma for one, truth in zip(maps, true, strict=True)
     ]
-    assert 0.1 < np.mean(np.square(ratio)) < 1.4
+    assert 0.05 < np.mean(np.square(ratio)) < 1.4
 
 
 def test_the_mean_of_the_seen_part_is_right_to_1_kpa_and_so_is_its_sigma(closing):
@@ -119,6 +119,19 @@ def test_an_empty_liner_that_has_closed_gives_no_pressure_on_a_teat(design):
     assert np.isnan(found.mean_kpa.value)
     with pytest.raises(AnalysisError, match="there is no teat in the closed liner"):
         teat_heights(found.profile)
+
+
+@pytest.mark.parametrize("outer_kpa", [20.0, 40.0])
+def test_a_liner_that_folds_across_the_view_has_no_pressure_that_cameras_could_find(outer_kpa):
+    """Its points agree with a wall in equilibrium that presses where no target is."""
+    liner = solved("reference-round")
+    reference = as_points(liner.across_mm(0.0), np.full(3, 0.005))
+    turned = PressureModel(liner.grid, liner.zones(), reference, 1.0)
+    found = pressure_map(
+        turned, as_points(liner.across_mm(outer_kpa), EIGHT_BITS_MM), SEEN, vacuum(outer_kpa)
+    )
+    assert found.misfit < 1.2
+    assert {reason[:35] for reason in found.reason} == {"the wall bulges towards the cameras"}
 
 
 @pytest.mark.parametrize("teat", ["round", "blunt", "pointed"])
