@@ -174,7 +174,7 @@ class Posterior:
 
     @cached_property
     def outward_mm(self) -> float:
-        """How far the wall's middle has moved towards the cameras, in the median of its heights."""
+        """Movement of the wall's middle towards the cameras, in the median of its heights."""
         grid = self.model.half.grid
         moved = (self.control - self.model.half.mounted)[:, 2].reshape(grid.along.count, grid.around.count)
         return float(np.median(moved[:, grid.around.count // 2]))
