@@ -29,7 +29,7 @@ from grabberd.errors import AnalysisError, InputError
 from grabberd_liner.analysis.estimate import Estimate
 from grabberd_liner.analysis.pulsation.phases import ISO_THRESHOLD_KPA, edges, maximum_kpa, smoothed
 from grabberd_liner.analysis.pulsation.pulsation import Pulsation, Run
-from grabberd_liner.analysis.vacuum.vacuum_log import VacuumLog
+from grabberd_liner.analysis.vacuum.vacuum_log import VacuumLog, reading_noise
 
 # Slack for rounding of times.
 _ROOM_S = 1e-6
@@ -166,7 +166,7 @@ class LoggedVacuum:
             return np.interp(at_s, self.log.time_s, self.kpa)
 
         slope = _slope(reading, own_s, max(self.offset_sigma_s, 2 * self.log.step_s))
-        noise = np.hypot(self.log.noise_kpa(self.kpa), self.sigma_kpa)
+        noise = np.hypot(reading_noise(self.kpa), self.sigma_kpa)
         return Estimate(reading(own_s), np.hypot(noise, slope * self.offset_sigma_s))
 
     def _check(self, time_s: Array, own_s: Array) -> None:
