@@ -114,6 +114,8 @@ class FakeLoggerOptions:
         liner: see `LinerOptions`; `ellipse`: see `EllipseOptions`.
         light: the lamp of that grabber, see `LightOptions`; with one there is a further column `light`.
         mouthpiece_kpa: vacuum in the mouthpiece chamber; `milk_line_kpa`: in the milk line, both constant.
+        flow_stop_kpa: pressure difference across the wall below which milk flows, with a further column
+            `flow`, 1 while it does; 0: nothing shows it. `flow_delay_ms`: the milk's way to the sensor.
         rate_hz: readings per second.
         noise_kpa: standard deviation of each reading.
         gain: what the logger shows for 1 kPa; `offset_kpa`: vacuum at which it shows 0.
@@ -136,6 +138,8 @@ class FakeLoggerOptions:
     light: LightOptions = field(default_factory=LightOptions, metadata=by(Group(LightOptions)))
     mouthpiece_kpa: float = number(18.0, 0, 80)
     milk_line_kpa: float = number(44.0, 0, 80)
+    flow_stop_kpa: float = number(0.0, 0, 80)
+    flow_delay_ms: float = number(80.0, 0, 1000)
     rate_hz: float = number(200.0, 1, 2000)
     noise_kpa: float = number(0.1, 0, 20)
     gain: float = number(1.0, -1000, 1000)
@@ -164,7 +168,8 @@ class FakeLoggerOptions:
     @property
     def columns(self) -> tuple[str, ...]:
         """Names of what it measures."""
-        return (*self.CHANNELS, "light") if self.light.diameter_px else self.CHANNELS
+        flow = ("flow",) if self.flow_stop_kpa else ()
+        return (*self.CHANNELS, *flow, *(("light",) if self.light.diameter_px else ()))
 
     @property
     def wave(self) -> Wave:
@@ -369,10 +374,18 @@ class FakeLogger(ScriptedLogger):
         unit = self._active(OtherUnit, start_ns)
         shown = (self.truth_kpa(taken_ns) + noise - options.offset_kpa) * options.gain
         shown *= unit.factor if unit else 1.0
+        if options.flow_stop_kpa:
+            shown = np.column_stack([shown, self._flows(taken_ns)])
         if options.light.diameter_px:
             shown = np.column_stack([shown, lit(options.light, taken_ns)])
         good = ~gone & ~bad
         return _Packet(taken_ns[good], shown[good], int(bad.sum()))
+
+    def _flows(self, taken_ns: Times) -> NDArray[np.bool_]:
+        """(K,) True while milk is at the sensor."""
+        options = self.options
+        came_s = taken_ns / 1e9 - options.flow_delay_ms / 1e3
+        return options.wave.liner_kpa - pulsation_kpa(options, came_s) < options.flow_stop_kpa
 
     def _date(self, taken_ns: Times, now_ns: int) -> tuple[Dated, tuple[Anomaly, ...]]:
         if self._dating is Dating.MONOTONIC:
@@ -392,7 +405,7 @@ class FakeLogger(ScriptedLogger):
             driver="fake",
             model=self._model,
             channels=self.options.columns,
-            units=tuple(None if name == "light" else "kPa" for name in self.options.columns),
+            units=tuple("kPa" if name in self.options.CHANNELS else None for name in self.options.columns),
             rate_hz=self.options.rate_hz,
             dating=self._dating,
             time_sigma_ns=sigma_ns.get(self._dating, round(packet_ns)),

@@ -196,9 +196,9 @@ class CaptureAnalysis(Document):
     quantities: list[QuantityDocument] = Field(
         default_factory=list,
         description="Its main quantities with their standard deviations, those alone that were found: liner "
-        "compression, overpressure, teat load, opening and closing time, rate, ratio and stroke; of a "
-        "ramp with the empty liner touch point and critical collapsing pressure difference and bending "
-        "stiffness; empty for an analysis of an earlier version.",
+        "compression above the gas in the liner and above atmosphere, overpressure, teat load, opening and "
+        "closing time, rate, ratio and stroke; of a ramp with the empty liner touch point and critical "
+        "collapsing pressure difference and bending stiffness; empty for an analysis of an earlier version.",
     )
     problem: JobProblem | None = Field(None, description="Why the analysis came to nothing.")
 

@@ -29,8 +29,8 @@ _OP = "overpressure as in milking research (Thompson et al., doi 10.3168/jds.202
 _DURATION = f"{_OP}, derived from the duration of milk flow"
 _RAISED = f"{_OP}, by raising the chamber's vacuum until milk flows"
 _BY_MAP = (
-    "the canal is occluded from 80 to 90 % of the liner's vacuum on (Mein, Williams and Thiel 1987); here from "
-    "where the map's contact pressure reaches the given one"
+    "the canal is occluded from 80 to 90 % of the liner's vacuum on (Mein, Williams and Thiel 1987); here "
+    "from where the map's contact pressure reaches the given one"
 )
 
 QUANTITIES: Mapping[str, Quantity] = {
@@ -137,7 +137,7 @@ def _of_way(name: str, found: Found, gauge_sigma_kpa: float) -> Iterator[Finding
         yield from (Finding.missing(one, found) for one in (stop, over))
         return
     at, beyond, common = found.difference_kpa, found.overpressure_kpa, found.common_kpa
-    both = np.hypot([float(at.sigma), common], gauge_sigma_kpa)
+    both = np.hypot([max(float(at.sigma), common), common], gauge_sigma_kpa)
     yield Finding.of(stop, Estimate.of(float(at.value), float(both[0])), float(both[1]))
     yield Finding.of(over, beyond, common)
 
@@ -224,7 +224,7 @@ def _passed(difference: Array, rising: Array, occlusion: float) -> tuple[float, 
     """
     if not rising[0] < occlusion < rising[-1]:
         raise AnalysisError(
-            f"the contact pressure at the teat's end goes from {rising[0]:.1f} to {rising[-1]:.1f} kPa in the "
+            f"the contact pressure at the teat's end is from {rising[0]:.1f} to {rising[-1]:.1f} kPa in all "
             f"states that have one, and never passes the {occlusion:g} kPa of flow_stop",
             "capture whole cycles, or raise the chamber's vacuum until the liner opens",
         )
@@ -234,7 +234,7 @@ def _passed(difference: Array, rising: Array, occlusion: float) -> tuple[float, 
         raise AnalysisError(
             f"the contact pressure at the teat's end passes {occlusion:g} kPa between states at {before:.1f} "
             f"and {after:.1f} kPa of pressure difference, which are too far apart: ask for more phases",
-            f"states have to be less than {_WIDEST_KPA:g} kPa apart: ask for more phases, or capture for longer",
+            f"states have to be less than {_WIDEST_KPA:g} kPa apart; capture for longer, or with more phases",
         )
     share = (occlusion - rising[above - 1]) / (rising[above] - rising[above - 1])
     return float(before + share * (after - before)), float(after - before)

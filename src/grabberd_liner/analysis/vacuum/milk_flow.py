@@ -24,6 +24,7 @@ from grabberd_liner.analysis.vacuum.vacuum_log import reading_noise
 
 AT_REST_KPA = 0.5
 """The chamber is in the middle of phase d while its vacuum is no more than that above its lowest."""
+_LEVEL_KPA = 0.05
 _LEAST_SWING = 8.0
 """σ of a reading by which the flow's two levels have to be apart."""
 _HALFWAY = (0.25, 0.75)
@@ -34,6 +35,7 @@ _LEAST_CYCLES, _MOST_UNLIKE = 3, 0.2
 _LEVELS = 100
 _BAND_KPA = 0.4
 """Half width of the band whose two crossings average to the level between them, where readings are quiet."""
+_BY_CHANCE = 3.0
 _GAP_STEPS = 3.0
 _FASTEST_KPA_PER_S = 2.0
 _SLOWEST_KPA_PER_S = 0.02
@@ -73,7 +75,9 @@ class DifferenceCurve(NamedTuple):
     @property
     def at_rest(self) -> Mask:
         """(K,) True while the chamber's vacuum is at its lowest."""
-        return self.chamber_kpa <= np.percentile(self.chamber_kpa, 1) + AT_REST_KPA + 3 * self.noise_kpa
+        low = self.chamber_kpa <= np.percentile(self.chamber_kpa, 1) + AT_REST_KPA + 3 * self.noise_kpa
+        # Where it is raised slowly, some of these belong to the slope.
+        return self.chamber_kpa <= np.median(self.chamber_kpa[low]) + _LEVEL_KPA + 2 * self.noise_kpa
 
     @property
     def rises_s(self) -> Array:
@@ -345,7 +349,10 @@ def _edge_sigmas(found: _Passages, begins: Indices, ends: Indices, flow: FlowCur
     steep = [min(1.0, step_s / 2 / max(one, 1e-9)) for one in passing_s]
     sampling_s = step_s / np.sqrt(12) * np.linalg.norm(steep)
     noise_s = np.linalg.norm(passing_s) * np.sqrt(2) * found.noise / found.swing
-    return abs(passing_s[1] - passing_s[0]), float(np.hypot(sampling_s, noise_s))
+    # A passage's length has twice the noise of its middle.
+    by_chance_s = 2 * _OF_MEDIAN * noise_s / np.sqrt(len(begins))
+    unlike_s = abs(passing_s[1] - passing_s[0])
+    return unlike_s * float(unlike_s > 2 * by_chance_s), float(np.hypot(sampling_s, noise_s))
 
 
 def _alike(rises_s: Array, readings_s: Array, count: int) -> float:
@@ -354,8 +361,10 @@ def _alike(rises_s: Array, readings_s: Array, count: int) -> float:
     It is 1 / count, but for a pulsator in step with the logger, whose readings fall on the same phases.
     """
     step_s = float(np.median(np.diff(readings_s)))
-    resultant = abs(np.exp(2j * np.pi * rises_s / step_s).sum()) ** 2
-    together = max(float(resultant) / len(rises_s) - 1, 0.0) / max(len(rises_s) - 1, 1)
+    rises = len(rises_s)
+    # 1 on average where the phases are random, and above 3 in 5 % of cases.
+    resultant = float(abs(np.exp(2j * np.pi * rises_s / step_s).sum()) ** 2) / rises
+    together = (resultant - 1) / (rises - 1) if resultant > _BY_CHANCE else 0.0
     return together + (1 - together) / count
 
 

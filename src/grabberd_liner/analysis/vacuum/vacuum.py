@@ -38,6 +38,11 @@ _ROOM_S = 1e-6
 class VacuumSource(Protocol):
     """Source of a vacuum."""
 
+    @property
+    def sigma_kpa(self) -> float:
+        """σ of its gauge or setting, common to all times."""
+        ...
+
     def at(self, time_s: Array) -> Estimate:
         """(F,) kPa below atmosphere at times of the camera's clock, with σ."""
         ...
@@ -206,7 +211,7 @@ class ChannelCurve:
     Attributes:
         name: Quantity that it is of.
         time_s: (K,) when each was taken, from the capture's first field on, ascending.
-        kpa: (K,) vacuum below atmosphere.
+        kpa: (K,) vacuum below atmosphere; of a channel that measures none, its own numbers.
         sigma_kpa: σ of its calibration, common to all readings.
         time_sigma_s: σ of its clock against that of the fields.
         delay_sigma_s: the part of it that is the same for all readings of its logger.

@@ -11,7 +11,8 @@ from grabberd_liner.analysis.estimate import Estimate
 from grabberd_liner.analysis.load.pressure import PressureMap
 from grabberd_liner.chain.analysis.analysis_document import analysis_document
 from grabberd_liner.chain.analysis.columns import TABLES
-from grabberd_liner.chain.analysis.tables import QUANTITY_COLUMNS, quantities, tables
+from grabberd_liner.chain.analysis.quantities import quantities
+from grabberd_liner.chain.analysis.tables import QUANTITY_COLUMNS, tables
 from liner.analysis.load.profiles import TEAT_END_MM, X_MM, closed
 
 FIELDS = [field(n) for n in range(62)]
