@@ -85,7 +85,9 @@ def test_noise_of_single_states_does_not_move_the_passage_far():
 
 def test_states_far_apart_give_no_difference():
     sparse = [2.0, 8.0, 20.0, 42.0, 42.0]
-    with pytest.raises(AnalysisError, match=r"between states at 20.0 and 42.0 kPa .* too far apart") as caught:
+    with pytest.raises(
+        AnalysisError, match=r"between states at 20.0 and 42.0 kPa .* too far apart"
+    ) as caught:
         map_flow_stop(states(sparse), occlusion(contact_kpa(33.0)))
     assert "more phases" in caught.value.hint
 
