@@ -223,7 +223,7 @@ def _overpressure(options: LinerOptions, way: str, stop_kpa: float) -> dict[str,
 
 
 def _flow_duration_s(options: LinerOptions, stop_kpa: float) -> float:
-    """How long a trapezoid has more vacuum than the liner's less the difference at flow stop."""
+    """Duration for which a trapezoid has more vacuum than the liner's less the difference at flow stop."""
     vacuum = options.vacuum
     above = 1 - (options.wave.liner_kpa - stop_kpa) / vacuum.system_kpa
     return (vacuum.open + (vacuum.rising + vacuum.falling) * above) * options.period_s

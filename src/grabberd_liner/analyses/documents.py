@@ -22,7 +22,7 @@ Outdated = Literal["", "pressure", "overpressure"]
 
 
 def outdated(method: str | None, has_pressures: bool, quantities: Iterable[str]) -> Outdated:
-    """What is wrong in an analysis of an earlier version; empty if nothing is.
+    """Kind of mistake in an analysis of an earlier version; empty if there is none.
 
     Args:
         method: by which its pressures were found; None for the earlier, wrong way.
@@ -119,7 +119,7 @@ class AnalysisRow(AnalysisRecord):
 
     @property
     def outdated(self) -> Outdated:
-        """What is wrong in it; empty if nothing is."""
+        """Kind of mistake in it; empty if there is none."""
         if self.outdated_pressure:
             return "pressure"
         return "overpressure" if self.outdated_overpressure else ""

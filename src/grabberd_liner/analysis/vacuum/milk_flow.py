@@ -288,7 +288,7 @@ def _cycle_of(found: _Passages, begins: Indices, ends: Indices, bounds_s: Array)
 
 
 def _widths(curve: DifferenceCurve, cycles_s: Array) -> tuple[Array, Array]:
-    """For how long the difference is below each of L levels in each of C cycles (C, 2).
+    """Durations for which the difference is below each of L levels in each of C cycles (C, 2).
 
     Returns:
         (L,) levels in kPa, and (C, L) durations, NaN where a cycle does not pass a level.
@@ -332,7 +332,7 @@ def _levels_of(duration_s: Array, levels_kpa: Array, width_s: Array) -> Array:
 
 
 def _kpa_per_s(at_kpa: float, levels_kpa: Array, width_s: Array) -> float:
-    """By how much a level changes with the duration below it."""
+    """Change of a level with the duration below it."""
     known = np.isfinite(width_s).all(axis=0)
     slope = np.gradient(width_s[:, known].mean(axis=0), levels_kpa[known])
     return 1 / float(np.interp(at_kpa, levels_kpa[known], slope))
@@ -364,8 +364,8 @@ def _alike(rises_s: Array, readings_s: Array, count: int) -> float:
     rises = len(rises_s)
     # 1 on average where the phases are random, and above 3 in 5 % of cases.
     resultant = float(abs(np.exp(2j * np.pi * rises_s / step_s).sum()) ** 2) / rises
-    together = (resultant - 1) / (rises - 1) if resultant > _BY_CHANCE else 0.0
-    return together + (1 - together) / count
+    common = (resultant - 1) / (rises - 1) if resultant > _BY_CHANCE else 0.0
+    return common + (1 - common) / count
 
 
 def _sigma_of_mean(values: Array, expected: float) -> float:

@@ -152,7 +152,7 @@ def _by_flow(
 
 
 def _by_map(analysis: Analysis) -> Found:
-    """By the mean cycle, or by the fields if its phases are too few."""
+    """Result by the mean cycle, or by the fields if its phases are too few."""
     occlusion_kpa = analysis.inputs.flow_stop_kpa
     if occlusion_kpa is None:
         return _NO_OCCLUSION
