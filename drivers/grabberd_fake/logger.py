@@ -114,8 +114,6 @@ class FakeLoggerOptions:
         liner: see `LinerOptions`; `ellipse`: see `EllipseOptions`.
         light: the lamp of that grabber, see `LightOptions`; with one there is a further column `light`.
         mouthpiece_kpa: vacuum in the mouthpiece chamber; `milk_line_kpa`: in the milk line, both constant.
-        flow_stop_kpa: pressure difference across the wall below which milk flows, with a further column
-            `flow`, 1 while it does; 0: nothing shows it. `flow_delay_ms`: the milk's way to the sensor.
         rate_hz: readings per second.
         noise_kpa: standard deviation of each reading.
         gain: what the logger shows for 1 kPa; `offset_kpa`: vacuum at which it shows 0.
@@ -128,6 +126,8 @@ class FakeLoggerOptions:
         seed: seed of noise, delays and losses.
         faults: what goes wrong; each has a `kind` out of `LOGGER_FAULTS` and `at_s`.
         stage: file that replaces the liner's vacuum, see `FakeOptions`.
+        flow_stop_kpa: pressure difference across the wall below which milk flows, with a further column
+            `flow`, 1 while it does; 0: nothing shows it. `flow_delay_ms`: the milk's way to the sensor.
     """
 
     CHANNELS: ClassVar[tuple[str, ...]] = ("pulsation", "liner", "mouthpiece", "milk_line")
@@ -138,8 +138,6 @@ class FakeLoggerOptions:
     light: LightOptions = field(default_factory=LightOptions, metadata=by(Group(LightOptions)))
     mouthpiece_kpa: float = number(18.0, 0, 80)
     milk_line_kpa: float = number(44.0, 0, 80)
-    flow_stop_kpa: float = number(0.0, 0, 80)
-    flow_delay_ms: float = number(80.0, 0, 1000)
     rate_hz: float = number(200.0, 1, 2000)
     noise_kpa: float = number(0.1, 0, 20)
     gain: float = number(1.0, -1000, 1000)
@@ -155,6 +153,8 @@ class FakeLoggerOptions:
     seed: int = integer(0, 0, 2**32 - 1)
     faults: tuple[Any, ...] = ruled(ListOf(OneOfKinds(LOGGER_FAULTS)), ())
     stage: str | None = ruled(Text(), None)
+    flow_stop_kpa: float = number(0.0, 0, 80)
+    flow_delay_ms: float = number(80.0, 0, 1000)
 
     @classmethod
     def read(cls, values: Mapping[str, Any]) -> "FakeLoggerOptions":
