@@ -273,7 +273,7 @@ def _audit(path: Path) -> int:
 
 def _truth_lines(given: argparse.Namespace) -> Iterable[str]:
     if given.of == "quantities":
-        return capture_quantities(given.capture, given.flow_stop_kpa)
+        return capture_quantities(given.capture, given.flow_stop_kpa, given.flow_stop_difference_kpa)
     if given.of == "vacuum":
         return capture_vacuum_log(given.capture, given.offset_s, given.noise_kpa, given.rate_hz)
     return capture_truth(given.capture, given.of)
@@ -331,7 +331,12 @@ def _add_truth(truth: argparse.ArgumentParser) -> None:
     truth.add_argument(
         "--flow-stop-kpa",
         type=float,
-        help="of quantities: contact pressure at which milk stops flowing, for the overpressure",
+        help="of quantities: contact pressure at which milk stops flowing, for the overpressure by the map",
+    )
+    truth.add_argument(
+        "--flow-stop-difference-kpa",
+        type=float,
+        help="of quantities: pressure difference at which milk stops flowing, for the derived overpressure",
     )
     truth.add_argument("--noise-kpa", type=float, default=0.0, help="of vacuum: σ of each reading")
     truth.add_argument("--rate-hz", type=float, default=1000.0, help="of vacuum: readings a second")

@@ -165,10 +165,16 @@ def _strain(present: tuple[Array, Array], reference: Array) -> Array:
 _STEPS_PER_S = 1000
 _AT_FULL_CLOSURE = "liner_compression_teat_end_at_full_closure_kpa"
 _ISO_KPA = 4.0
-_PASSED = (0.1, 0.9)
-"""Shares of the stroke between which the wall opens or closes."""
+_PASSED = 0.1
+"""Share of the stroke from its ends between which the wall opens or closes."""
+_LASER_MM = 1.0
+"""The same in laser studies."""
 _ARC_MM, _ARC_PLACES = 10.0, 41
 """Half the arc that compression is averaged over, on the wall's middle, and places along it."""
+_COMPRESSIONS = (
+    *(f"liner_compression_{which}_kpa" for which in ("mean", "greatest", "teat_end")),
+    "massage_pressure_kpa",
+)
 _HEIGHT_MM = 0.25
 _END_SHARE = 0.5
 """Of the greatest compression: below it, the teat has ended."""
@@ -176,13 +182,16 @@ _END_MM = 10.0
 """Length of tube up to the teat's end over which compression there is averaged."""
 
 
-def quantities_of(options: LinerOptions, flow_stop_kpa: float | None = None) -> dict[str, float]:
+def quantities_of(
+    options: LinerOptions, flow_stop_kpa: float | None = None, flow_stop_difference_kpa: float | None = None
+) -> dict[str, float]:
     """Quantities by name: of the liner itself without a teat, of the milking liner with one.
 
     Args:
         options: of the liner.
         flow_stop_kpa: contact pressure at the teat's end at which milk just stops flowing; None leaves out
-            the overpressure.
+            what follows from it.
+        flow_stop_difference_kpa: pressure difference across the wall at which it does; likewise.
 
     Raises:
         ValueError: the liner is on a teat, and no vacuum moves it.
@@ -199,30 +208,71 @@ def quantities_of(options: LinerOptions, flow_stop_kpa: float | None = None) -> 
     of_load = closed_liner_quantities(options, _closed_kpa(options))
     at_end_kpa = of_load.pop(_AT_FULL_CLOSURE)
     if flow_stop_kpa is not None:
-        of_load["overpressure_kpa"] = at_end_kpa - flow_stop_kpa
+        of_load["teat_end_beyond_flow_stop_kpa"] = at_end_kpa - flow_stop_kpa
+        of_load |= _overpressure(options, "map", _occluding_kpa(options, flow_stop_kpa))
+    if flow_stop_difference_kpa is not None:
+        of_load |= _overpressure(options, "derived", flow_stop_difference_kpa)
+        of_load["flow_duration_s"] = _flow_duration_s(options, flow_stop_difference_kpa)
     return _of_the_movement(options) | _of_the_vacuum(options) | of_load
+
+
+def _overpressure(options: LinerOptions, way: str, stop_kpa: float) -> dict[str, float]:
+    """The difference at flow stop, and that in phase d, in which the chamber is at atmosphere, less it."""
+    over_kpa = options.wave.liner_kpa - stop_kpa
+    return {f"flow_stop_{way}_kpa": stop_kpa, f"overpressure_{way}_kpa": over_kpa}
+
+
+def _flow_duration_s(options: LinerOptions, stop_kpa: float) -> float:
+    """Duration for which a trapezoid has more vacuum than the liner's less the difference at flow stop."""
+    vacuum = options.vacuum
+    above = 1 - (options.wave.liner_kpa - stop_kpa) / vacuum.system_kpa
+    return (vacuum.open + (vacuum.rising + vacuum.falling) * above) * options.period_s
+
+
+def _occluding_kpa(options: LinerOptions, flow_stop_kpa: float) -> float:
+    """Pressure difference at which the last of the teat is pressed by so much, by halving."""
+    states, high = wall_states(options.wall), options.wave.liner_kpa
+    end_mm = closed_liner_quantities(options, [high])["teat_end_x_mm"]
+    low = 0.0
+    for _ in range(30):
+        middle = (low + high) / 2
+        section = _Sections(options, states, middle)
+        last = (section.x_mm < end_mm) & (section.x_mm > end_mm - _END_MM)
+        pressed = np.average(section.compression_kpa[last], weights=section.spans_mm[last]) > flow_stop_kpa
+        low, high = (low, middle) if pressed else (middle, high)
+    return (low + high) / 2
 
 
 def _of_the_movement(options: LinerOptions) -> dict[str, float]:
     """Times of the wall, and how long after the vacuum it is halfway."""
-    part, stroke = _stroke(options)
-    low, high = _PASSED
-    opening = [_passage(part, stroke, level, rising=True) for level in (low, 0.5, high)]
-    closing = [_passage(part, stroke, level, rising=False) for level in (high, 0.5, low)]
+    part, stroke, stroke_mm = _stroke(options)
+    opening, closing = (_passage(part, stroke, 0.5, rising=rising) for rising in (True, False))
     kpa = pulsation_kpa(options, part * options.period_s) / options.vacuum.system_kpa
     lags = [
         (wall - _passage(part, kpa, 0.5, rising=rising) + 0.5) % 1 - 0.5
-        for wall, rising in ((opening[1], True), (closing[1], False))
+        for wall, rising in ((opening, True), (closing, False))
     ]
+    times = _times(options, _PASSED)
+    by_1mm = {
+        f"liner_{word}_1mm_s": time_s for word, time_s in _times(options, _LASER_MM / stroke_mm).items()
+    }
     return {
-        "liner_opening_s": (opening[2] - opening[0]) % 1 * options.period_s,
-        "liner_closing_s": (closing[2] - closing[0]) % 1 * options.period_s,
-        "liner_open_s": (closing[0] - opening[2]) % 1 * options.period_s,
-        "massage_time_s": (opening[0] - closing[2]) % 1 * options.period_s,
-        "wall_ratio": (closing[0] - opening[0]) % 1,
+        **{f"liner_{word}_s": times[word] for word in ("opening", "open", "closing")},
+        "massage_time_s": times["closed"],
+        "wall_ratio": (times["opening"] + times["open"]) / options.period_s,
+        **by_1mm,
         "opening_lag_s": lags[0] * options.period_s,
         "closing_lag_s": lags[1] * options.period_s,
     }
+
+
+def _times(options: LinerOptions, share: float) -> dict[str, float]:
+    """Durations of the wall's phases between levels at this share of the stroke from its ends."""
+    part, stroke, _ = _stroke(options)
+    levels = ((share, True), (1 - share, True), (1 - share, False), (share, False))
+    passed = [_passage(part, stroke, level, rising=rising) for level, rising in levels]
+    lasts = np.mod(np.roll(passed, -1) - passed, 1.0) * options.period_s
+    return dict(zip(("opening", "open", "closing", "closed"), lasts.tolist(), strict=True))
 
 
 def _of_the_vacuum(options: LinerOptions) -> dict[str, float]:
@@ -245,9 +295,9 @@ def _of_the_vacuum(options: LinerOptions) -> dict[str, float]:
 
 def _closed_kpa(options: LinerOptions) -> list[float]:
     """Pressure differences of the states shown, a millisecond apart, while the wall is in phase d."""
-    part, stroke = _stroke(options)
-    closed_from = _passage(part, stroke, _PASSED[0], rising=False)
-    lasts = (_passage(part, stroke, _PASSED[0], rising=True) - closed_from) % 1
+    part, stroke, _ = _stroke(options)
+    closed_from = _passage(part, stroke, _PASSED, rising=False)
+    lasts = (_passage(part, stroke, _PASSED, rising=True) - closed_from) % 1
     count = math.ceil(lasts * options.period_s * _STEPS_PER_S)
     at = (closed_from + lasts * (np.arange(count) + 0.5) / count) % 1
     return [movement(options).rest_kpa(round(one * options.period_s * 1e9)) for one in at.tolist()]
@@ -274,7 +324,7 @@ def closed_liner_quantities(options: LinerOptions, outer_kpa: Sequence[float]) -
     near_end = teat & (x_mm > end_mm - _END_MM)
     fullest = max(sections, key=lambda one: float(one.load_n_per_mm @ (teat * one.spans_mm)))
     mean_kpa = float(np.average(compression[teat], weights=spans[teat]))
-    return {
+    found = {
         "liner_compression_mean_kpa": mean_kpa,
         "liner_compression_greatest_kpa": float(compression[teat].max()),
         "liner_compression_greatest_x_mm": float(x_mm[teat][compression[teat].argmax()]),
@@ -286,6 +336,10 @@ def closed_liner_quantities(options: LinerOptions, outer_kpa: Sequence[float]) -
         _AT_FULL_CLOSURE: float(
             np.average(fullest.compression_kpa[near_end], weights=fullest.spans_mm[near_end])
         ),
+    }
+    return found | {
+        name.replace("_kpa", "_above_atmosphere_kpa"): found[name] - options.wave.liner_kpa
+        for name in _COMPRESSIONS
     }
 
 
@@ -321,17 +375,22 @@ class _Sections:
 
 
 @lru_cache(maxsize=8)
-def _stroke(options: LinerOptions) -> tuple[Array, Array]:
-    """Parts of a period, and the targets' first principal movement there, from 0 closed to 1 open."""
+def _stroke(options: LinerOptions) -> tuple[Array, Array, float]:
+    """Parts of a period, the targets' first principal movement there, from 0 closed to 1 open, and its size.
+
+    The size is that of the target that moves most, in mm.
+    """
     part = np.arange(round(options.period_s * _STEPS_PER_S)) / round(options.period_s * _STEPS_PER_S)
     scene = Liner(options)
     places = np.stack(
         [scene.targets(round(one * options.period_s * 1e9)).xyz_mm.ravel() for one in part.tolist()]
     )
     moved = places - places.mean(axis=0)
-    stroke: NDArray[np.float64] = moved @ np.linalg.svd(moved, full_matrices=False)[2][0]
+    direction = np.linalg.svd(moved, full_matrices=False)[2][0]
+    stroke: NDArray[np.float64] = moved @ direction
+    most_mm = float(np.ptp(stroke) * np.linalg.norm(direction.reshape(-1, 3), axis=1).max())
     stroke *= np.sign(np.corrcoef(stroke, pulsation_kpa(options, part * options.period_s))[0, 1])
-    return part, (stroke - stroke.min()) / np.ptp(stroke)
+    return part, (stroke - stroke.min()) / np.ptp(stroke), most_mm
 
 
 def _passage(part: Array, values: Array, level: float, rising: bool) -> float:

@@ -126,6 +126,8 @@ class FakeLoggerOptions:
         seed: seed of noise, delays and losses.
         faults: what goes wrong; each has a `kind` out of `LOGGER_FAULTS` and `at_s`.
         stage: file that replaces the liner's vacuum, see `FakeOptions`.
+        flow_stop_kpa: pressure difference across the wall below which milk flows, with a further column
+            `flow`, 1 while it does; 0: nothing shows it. `flow_delay_ms`: the milk's way to the sensor.
     """
 
     CHANNELS: ClassVar[tuple[str, ...]] = ("pulsation", "liner", "mouthpiece", "milk_line")
@@ -151,6 +153,8 @@ class FakeLoggerOptions:
     seed: int = integer(0, 0, 2**32 - 1)
     faults: tuple[Any, ...] = ruled(ListOf(OneOfKinds(LOGGER_FAULTS)), ())
     stage: str | None = ruled(Text(), None)
+    flow_stop_kpa: float = number(0.0, 0, 80)
+    flow_delay_ms: float = number(80.0, 0, 1000)
 
     @classmethod
     def read(cls, values: Mapping[str, Any]) -> "FakeLoggerOptions":
@@ -164,7 +168,8 @@ class FakeLoggerOptions:
     @property
     def columns(self) -> tuple[str, ...]:
         """Names of what it measures."""
-        return (*self.CHANNELS, "light") if self.light.diameter_px else self.CHANNELS
+        flow = ("flow",) if self.flow_stop_kpa else ()
+        return (*self.CHANNELS, *flow, *(("light",) if self.light.diameter_px else ()))
 
     @property
     def wave(self) -> Wave:
@@ -369,10 +374,18 @@ class FakeLogger(ScriptedLogger):
         unit = self._active(OtherUnit, start_ns)
         shown = (self.truth_kpa(taken_ns) + noise - options.offset_kpa) * options.gain
         shown *= unit.factor if unit else 1.0
+        if options.flow_stop_kpa:
+            shown = np.column_stack([shown, self._flows(taken_ns)])
         if options.light.diameter_px:
             shown = np.column_stack([shown, lit(options.light, taken_ns)])
         good = ~gone & ~bad
         return _Packet(taken_ns[good], shown[good], int(bad.sum()))
+
+    def _flows(self, taken_ns: Times) -> NDArray[np.bool_]:
+        """(K,) True while milk is at the sensor."""
+        options = self.options
+        came_s = taken_ns / 1e9 - options.flow_delay_ms / 1e3
+        return options.wave.liner_kpa - pulsation_kpa(options, came_s) < options.flow_stop_kpa
 
     def _date(self, taken_ns: Times, now_ns: int) -> tuple[Dated, tuple[Anomaly, ...]]:
         if self._dating is Dating.MONOTONIC:
@@ -392,7 +405,7 @@ class FakeLogger(ScriptedLogger):
             driver="fake",
             model=self._model,
             channels=self.options.columns,
-            units=tuple(None if name == "light" else "kPa" for name in self.options.columns),
+            units=tuple("kPa" if name in self.options.CHANNELS else None for name in self.options.columns),
             rate_hz=self.options.rate_hz,
             dating=self._dating,
             time_sigma_ns=sigma_ns.get(self._dating, round(packet_ns)),

@@ -77,12 +77,15 @@ def capture_truth(path: Path, of: str = "targets") -> Iterator[str]:
             yield f"{n},{time_ns},{row}"
 
 
-def capture_quantities(path: Path, flow_stop_kpa: float | None = None) -> Iterator[str]:
+def capture_quantities(
+    path: Path, flow_stop_kpa: float | None = None, flow_stop_difference_kpa: float | None = None
+) -> Iterator[str]:
     """CSV lines, the header first: the liner's quantities, by the names that an analysis has for them.
 
     Args:
         path: of the capture.
-        flow_stop_kpa: contact pressure at which milk just stops flowing; None leaves out the overpressure.
+        flow_stop_kpa: contact pressure at which milk just stops flowing; None leaves out what follows.
+        flow_stop_difference_kpa: pressure difference across the wall at which it does; likewise.
 
     Raises:
         CaptureFileError: the file is no capture, or was made by another driver.
@@ -92,7 +95,7 @@ def capture_quantities(path: Path, flow_stop_kpa: float | None = None) -> Iterat
     if options.scene != "liner":
         raise ValueError(f"scene: {options.scene!r} is not the solved wall 'liner'")
     yield "name,value"
-    for name, value in quantities_of(options.liner, flow_stop_kpa).items():
+    for name, value in quantities_of(options.liner, flow_stop_kpa, flow_stop_difference_kpa).items():
         yield f"{name},{value:.9g}"
 
 

@@ -22,7 +22,7 @@ from grabberd.schemas.files import (
 )
 from grabberd_liner.analysis.load.pressure import UNSEEN
 from grabberd_liner.analysis.wall.material import LAWS, Material
-from grabberd_liner.chain.analysis.inputs import MOST_PHASES
+from grabberd_liner.chain.analysis.inputs import FLOWING, MOST_PHASES
 from grabberd_liner.profiles.documents import ProfileContent
 
 _ABOVE_0 = ("E_mpa", "wall_mm", "radius_mm")
@@ -45,6 +45,7 @@ def analysis_inputs_schema() -> Schema:
             "sought_kpa": positive("Smallest pressure that the map has to resolve."),
             "unseen": one_of(*UNSEEN, description="What stands for the half that no camera sees."),
             "flow_stop": or_nothing(flow_stop, "Pressure on the teat's end at which milk stops flowing."),
+            "milk_flow": one_of(*FLOWING, description="What the channel flow reads while milk flows."),
             "average": integer("Fields of a still wall that become one, their mean.", least=1),
         }
     )

@@ -14,9 +14,9 @@ ChannelName = Annotated[str, StringConstraints(pattern=r"^[a-z0-9][a-z0-9_-]{0,3
 
 
 class ChannelConfig(Section):
-    """One channel: a column of the logger as a vacuum, or as the light in the picture.
+    """One channel: a column of the logger as a vacuum, as the light in the picture, or as the milk's flow.
 
-    Pressure in kPa is number × unit × gain + offset_kpa. A light has nothing but its column and its devices.
+    Pressure in kPa is number × unit × gain + offset_kpa. Light and flow have nothing but column and devices.
     """
 
     quantity: Quantity | None = Field(
@@ -34,7 +34,7 @@ class ChannelConfig(Section):
         None,
         gt=0,
         le=20,
-        description="σ of the calibration, common to all readings; not for a light",
+        description="σ of the calibration, common to all readings; not for light and flow",
     )
     calibrated: date | None = Field(None, description="day of the calibration; default: never")
     reference: Reference = Field(Reference.VACUUM, description="what the sensor measures relative to")
@@ -91,14 +91,14 @@ class LoggerConfig(Section):
         return self
 
     @model_validator(mode="after")
-    def _a_vacuum_is_calibrated_and_a_light_is_not(self) -> Self:
+    def _a_vacuum_is_calibrated_and_a_level_is_not(self) -> Self:
         problems = []
         for name, one in self.channels.items():
             if _quantity(name, one).is_vacuum and one.sigma_kpa is None:
                 problems.append(f"channel {name}: 'sigma_kpa' is missing, the σ of its calibration")
             given = sorted(one.model_fields_set & _OF_A_VACUUM)
             if not _quantity(name, one).is_vacuum and given:
-                problems.append(f"channel {name}: a light has no {', '.join(given)}")
+                problems.append(f"channel {name}: a {_quantity(name, one)} has no {', '.join(given)}")
         if problems:
             raise ValueError("; ".join(problems))
         return self

@@ -47,7 +47,7 @@ ANALYSING = ("analyse", "test")
 """Kinds of the jobs that analyse their subject."""
 MAIN = (
     "liner_compression_mean_kpa",
-    "overpressure_kpa",
+    "teat_end_beyond_flow_stop_kpa",
     "teat_load_n",
     "liner_opening_s",
     "liner_closing_s",
@@ -57,6 +57,10 @@ MAIN = (
     "touch_kpa",
     "buckling_kpa",
     "stiffness_n_mm",
+    "liner_compression_mean_above_atmosphere_kpa",
+    "overpressure_derived_kpa",
+    "overpressure_raised_kpa",
+    "overpressure_map_kpa",
 )
 """Quantities of the table of that name which are shown with a capture; new ones come last."""
 REMEMBERED = 4096

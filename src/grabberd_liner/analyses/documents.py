@@ -2,9 +2,10 @@
 pressures.
 """
 
+from collections.abc import Iterable
 from typing import Annotated, Any, Literal
 
-from pydantic import Field
+from pydantic import BeforeValidator, Field
 from typing_extensions import TypeAliasType
 
 from grabberd.documents.document import Document, JobProblem, JsonObject, Next, with_examples
@@ -15,9 +16,26 @@ PRESSURE_METHOD = "equilibrium"
 """Pressure as the load of a wall in equilibrium (docs/decisions). Earlier analyses name no method."""
 
 
-def is_outdated(method: str | None, has_pressures: bool) -> bool:
-    """True if an analysis has pressures of the earlier, wrong way."""
-    return has_pressures and method is None
+RENAMED = {"overpressure_kpa": "teat_end_beyond_flow_stop_kpa"}
+"""Quantities that earlier analyses call something they are not, and their names now."""
+Outdated = Literal["", "pressure", "overpressure"]
+
+
+def outdated(method: str | None, has_pressures: bool, quantities: Iterable[str]) -> Outdated:
+    """Kind of mistake in an analysis of an earlier version; empty if there is none.
+
+    Args:
+        method: by which its pressures were found; None for the earlier, wrong way.
+        has_pressures: true if it has any.
+        quantities: names of its quantities, as they were stored.
+    """
+    if has_pressures and method is None:
+        return "pressure"
+    return "overpressure" if not RENAMED.keys().isdisjoint(quantities) else ""
+
+
+def _current_name(name: object) -> object:
+    return RENAMED.get(name, name) if isinstance(name, str) else name
 
 
 _METHOD = (
@@ -31,7 +49,7 @@ AnalysisState = TypeAliasType("AnalysisState", Literal["queued", "running", "don
 class QuantityDocument(Document):
     """One of the field's own quantities, as in the table `quantities`, whose rows have its definition."""
 
-    name: str
+    name: Annotated[str, BeforeValidator(_current_name)]
     unit: str
     value: float | None = Field(description="Null if nothing was found.")
     sigma: float | None = Field(description="Its standard deviation, in the same unit.")
@@ -92,7 +110,19 @@ class AnalysisRow(AnalysisRecord):
         False,
         description="True if its pressures were found in the earlier, wrong way: analyse the capture again.",
     )
+    outdated_overpressure: bool = Field(
+        False,
+        description="True if its files say `overpressure_kpa` for `teat_end_beyond_flow_stop_kpa`: a contact "
+        "pressure, and no pressure difference.",
+    )
     problem: str | None = Field(None, description="Why the analysis cannot be used.")
+
+    @property
+    def outdated(self) -> Outdated:
+        """Kind of mistake in it; empty if there is none."""
+        if self.outdated_pressure:
+            return "pressure"
+        return "overpressure" if self.outdated_overpressure else ""
 
 
 class AnalysisList(Document):
@@ -196,9 +226,9 @@ class CaptureAnalysis(Document):
     quantities: list[QuantityDocument] = Field(
         default_factory=list,
         description="Its main quantities with their standard deviations, those alone that were found: liner "
-        "compression, overpressure, teat load, opening and closing time, rate, ratio and stroke; of a "
-        "ramp with the empty liner touch point and critical collapsing pressure difference and bending "
-        "stiffness; empty for an analysis of an earlier version.",
+        "compression above the gas in the liner and above atmosphere, overpressure, teat load, opening and "
+        "closing time, rate, ratio and stroke; of a ramp with the empty liner touch point and critical "
+        "collapsing pressure difference and bending stiffness; empty for an analysis of an earlier version.",
     )
     problem: JobProblem | None = Field(None, description="Why the analysis came to nothing.")
 

@@ -10,7 +10,7 @@ import numpy as np
 from grabberd.reports.document import ReportForm, check_document
 from grabberd.reports.figures import require_matplotlib
 from grabberd.reports.notation import measured
-from grabberd_liner.analyses.documents import is_outdated
+from grabberd_liner.analyses.documents import Outdated, outdated
 from grabberd_liner.reports.columns import Columns
 from grabberd_liner.reports.environment import environment
 from grabberd_liner.reports.figures import State, states_of
@@ -23,7 +23,13 @@ Tables = Mapping[str, Columns]
 
 
 _BEGIN = "<main>"
-_CLOSED = ("liner compression, mean", "liner compression, greatest", "teat load")
+_CLOSED = (
+    "liner compression, mean",
+    "liner compression, greatest",
+    "teat load",
+    "liner compression, mean, above atmosphere",
+    "liner compression, greatest, above atmosphere",
+)
 """Titles of the quantities that the verdict is about."""
 
 
@@ -72,9 +78,9 @@ def analysis_html(document: Document) -> str:
     return environment().render("analysis.html.jinja", document, **values(document))
 
 
-def marked_outdated(page: str) -> str:
-    """Put the notice of wrong pressures at the top of a report that was drawn before it was known."""
-    notice = environment().render("outdated.html.jinja", {})
+def marked_outdated(page: str, outdated: Outdated) -> str:
+    """Put the notice of what is wrong at the top of a report that was drawn before it was known."""
+    notice = environment().render("outdated.html.jinja", {}, outdated=outdated)
     return page.replace(_BEGIN, f"{_BEGIN}\n{notice}", 1)
 
 
@@ -89,7 +95,7 @@ def values(document: Document) -> dict[str, Any]:
         "states": states,
         "is_known": lambda name: any(state.columns.is_known(name) for state in states),
         "peak": _peak(tables),
-        "outdated": is_outdated(document.get("pressure_method"), _peak(tables) is not None),
+        "outdated": outdated(document.get("pressure_method"), _peak(tables) is not None, _names(tables)),
         "undetermined": [_undetermined(state) for state in states],
         "start_seen": tables["summary"].value("touch_n") != tables["fields"].value("n"),
         "misfit": _median(tables["fields"], "misfit"),
@@ -103,6 +109,10 @@ def values(document: Document) -> dict[str, Any]:
         "given": list(_given(document["inputs"]["given"])),
         "all_columns": _all_columns(document),
     }
+
+
+def _names(tables: Tables) -> list[str]:
+    return tables["quantities"].words("name") if "quantities" in tables else []
 
 
 def _peak(tables: Tables) -> Peak | None:
@@ -138,10 +148,10 @@ def _quantities(table: Columns | None) -> list[QuantityRow]:
 
 
 def _closed_liner(quantities: Sequence[QuantityRow]) -> list[str]:
-    """Compression, its maximum and the load of the closed liner; empty unless all are known."""
+    """Compression, its maximum and the load of the closed liner, and the first two above atmosphere."""
     values = {one.title: one.value for one in quantities}
     found = [values.get(title, "") for title in _CLOSED]
-    return found if all(found) else []
+    return found if all(found[:3]) else []
 
 
 def _shown(value: float | None, sigma: float | None, unit: str) -> str:

@@ -171,11 +171,11 @@ def get_analysis_table(
     capture_id: CaptureId, number: AnalysisNumber, table: TableName, service: ServiceOf
 ) -> Response:
     """One table with all its rows, such as targets, triangles or edges; the reference of the analysis tables
-    describes every column. The file name says so if the analysis has outdated pressures.
+    describes every column. The file name says so if the analysis has outdated pressures or overpressure.
     """
     path = liner_of(service).analyses.file(capture_id, number, f"{table}.csv")
-    outdated = liner_of(service).analyses.row(capture_id, number).outdated_pressure
-    mark = "-outdated-pressure" if outdated else ""
+    outdated = liner_of(service).analyses.row(capture_id, number).outdated
+    mark = f"-outdated-{outdated}" if outdated else ""
     name = f"{capture_id}-analysis-{number}-{table}{mark}.csv"
     return FileResponse(path, media_type="text/csv", filename=name, headers={"Cache-Control": IMMUTABLE})
 

@@ -22,7 +22,7 @@ from grabberd_liner.analysis.pulsation.movement import TimedPoints
 from grabberd_liner.analysis.vacuum.light_clock import FoundLight, find_light, logged_light
 from grabberd_liner.analysis.vacuum.vacuum import ChannelCurve
 from grabberd_liner.analysis.vacuum.vacuum_log import read_vacuum_log
-from grabberd_liner.chain.analysis.inputs import BY_LIGHT, CHAMBERS, CHANNEL
+from grabberd_liner.chain.analysis.inputs import BY_LIGHT, CHAMBERS, CHANNEL, FLOW
 from grabberd_liner.chain.analysis.wall_state import FieldPoints
 
 _LONGEST_REASON = 200
@@ -245,10 +245,10 @@ def _ledger(ledger: Ledger) -> JsonObject:
 
 def wanted_channels(inputs: Mapping[str, Any]) -> list[str]:
     """Quantities of the channels that the inputs of an analysis refer to."""
-    vacuum = inputs.get("vacuum")
+    vacuum, flow = inputs.get("vacuum"), [FLOW] if "milk_flow" in inputs else []
     if not isinstance(vacuum, Mapping):
-        return []
-    return [name for name in CHAMBERS if vacuum.get(name) == CHANNEL]
+        return flow
+    return [name for name in CHAMBERS if vacuum.get(name) == CHANNEL] + flow
 
 
 def recorded_quantities(path: Path) -> frozenset[str]:
@@ -286,7 +286,7 @@ def _curve(quantity: str, readings: ChannelReadings) -> ChannelCurve:
     return ChannelCurve(
         name=quantity,
         time_s=readings.time_s,
-        kpa=readings.kpa,
+        kpa=readings.kpa if channel.quantity.is_vacuum else readings.value,
         sigma_kpa=calibration.sigma_kpa,
         time_sigma_s=math.hypot(float(readings.time_sigma_ns.max(initial=0)) / 1e9, delay_sigma_s),
         origin=f"channel {channel.name} of the logger {channel.logger}, {calibrated}",

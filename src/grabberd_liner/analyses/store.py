@@ -25,7 +25,7 @@ from grabberd import runtime
 from grabberd.errors import ExtraMissing, NotFound, said
 from grabberd.files.checked_file import Check, checked_file, write_text
 from grabberd.files.disk import clear_scratch, scratch_folder, storage_errors, sync_directory
-from grabberd_liner.analyses.documents import AnalysisRow, PulsationDocument, is_outdated
+from grabberd_liner.analyses.documents import AnalysisRow, PulsationDocument, outdated
 
 if TYPE_CHECKING:
     from grabberd_liner.chain.analysis.analysis_document import TargetMap
@@ -103,13 +103,15 @@ class AnalysisStore(ResultFolders):
 
     def row(self, capture_id: str, number: int) -> AnalysisRow:
         """An analysis as it is listed; of a damaged one only its number and problem."""
+        record = self._record(capture_id, number)
         try:
-            row = AnalysisRow.model_validate(self._record(capture_id, number))
+            row = AnalysisRow.model_validate(record)
         except ValidationError as error:
             problem = f"{RECORD} cannot be read: {said(error.errors()[0]['msg'])}"
             return AnalysisRow.model_validate({"analysis": number, "problem": problem})
-        outdated = is_outdated(row.pressure_method, _asked_for_pressure(row))
-        return row.model_copy(update={"outdated_pressure": outdated})
+        names = [one["name"] for one in record.get("quantities", ())]
+        found = outdated(row.pressure_method, _asked_for_pressure(row), names)
+        return row.model_copy(update={f"outdated_{found}": True} if found else {})
 
     def record(self, capture_id: str, number: int) -> dict[str, Any]:
         """Record of an analysis as it was stored.
@@ -237,7 +239,7 @@ _FOR_PRESSURE = frozenset({"reference", "material", "vacuum", "sought_kpa"})
 
 
 def report_page(analyses: AnalysisStore, capture_id: str, number: int) -> bytes:
-    """The report of an analysis as HTML; one with outdated pressures says so at its top.
+    """The report of an analysis as HTML; one with outdated pressures or overpressure says so at its top.
 
     Raises:
         NotFound: there is no such analysis, or its report could not be drawn.
@@ -252,12 +254,12 @@ def report_page(analyses: AnalysisStore, capture_id: str, number: int) -> bytes:
             "its numbers are available: leave /report off the address",
         )
     page = analyses.file(capture_id, number, PAGE).read_bytes()
-    if not row.outdated_pressure:
+    if not row.outdated:
         return page
     # What draws the notice is needed for these pages alone, and the daemon starts without it.
     from grabberd_liner.analyses.report import marked_outdated  # noqa: PLC0415
 
-    return marked_outdated(page.decode()).encode()
+    return marked_outdated(page.decode(), row.outdated).encode()
 
 
 def _asked_for_pressure(row: AnalysisRow) -> bool:

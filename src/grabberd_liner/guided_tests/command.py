@@ -34,7 +34,10 @@ if TYPE_CHECKING:
 
 def liner_test(  # noqa: PLR0913, PLR0917 - options of a command
     kind: Annotated[
-        str, typer.Argument(help="reference, ramp, milking, artificial-teat or wear.", metavar="KIND")
+        str,
+        typer.Argument(
+            help="reference, ramp, milking, artificial-teat, overpressure or wear.", metavar="KIND"
+        ),
     ],
     captures: Annotated[
         list[Path] | None,
@@ -75,9 +78,9 @@ def liner_test(  # noqa: PLR0913, PLR0917 - options of a command
     """Test a liner by a recipe: check by check, with advice where one fails, and a one-page report.
 
     reference, ramp and milking evaluate one capture: a file, or one recorded on the spot after the steps
-    shown. artificial-teat and wear evaluate several files. The liner's properties come from its profile.
-    Writes test.json, test.html and, for each capture, a folder with its analysis, which `grabberd study`
-    reads.
+    shown. artificial-teat, overpressure and wear evaluate several files. The liner's properties come from its
+    profile. Writes test.json, test.html and, for each capture, a folder with its analysis, which
+    `grabberd study` reads.
 
     Exit code 0: no check failed; 3: one did.
 

@@ -13,7 +13,7 @@ from grabberd_liner.analyses.documents import QuantityDocument
 from grabberd_liner.profiles.documents import ProfileContent, ProfileUse
 
 LinerTestKind = TypeAliasType(
-    "LinerTestKind", Literal["reference", "ramp", "milking", "artificial-teat", "wear"]
+    "LinerTestKind", Literal["reference", "ramp", "milking", "artificial-teat", "overpressure", "wear"]
 )
 """Recipes; the value of a capture's label `test`."""
 

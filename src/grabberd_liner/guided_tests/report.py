@@ -18,6 +18,7 @@ _TITLES = {
     "ramp": "Ramp without a teat",
     "milking": "Milking",
     "artificial-teat": "Artificial teat with known pressure",
+    "overpressure": "Overpressure in two ways",
     "wear": "Wear over milkings",
 }
 _VERDICTS = {

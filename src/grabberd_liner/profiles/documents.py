@@ -103,10 +103,13 @@ class CupProfile(_Profile):
     gauge_sigma_kpa: float | None = Field(
         None, gt=0, le=10, allow_inf_nan=False, description="σ of the gauge's zero: `vacuum.gauge_sigma_kpa`."
     )
+    milk_flow: Literal["high", "low"] | None = Field(
+        None, description="What its sensor in the short milk tube reads while milk flows: `milk_flow`."
+    )
 
 
 class FlowStopDocument(Document):
-    """Pressure on the teat's end at which milk just stops flowing."""
+    """Contact pressure at the teat's end, above the gas in the liner, at which milk just stops flowing."""
 
     kpa: float = Field(gt=0, le=60, allow_inf_nan=False, description="The pressure.")
     sigma_kpa: float = Field(gt=0, le=60, allow_inf_nan=False, description="Its σ.")

@@ -23,8 +23,15 @@ from grabberd.bounded_documents import LARGEST_TABLE, read_bounded
 from grabberd.documents.document import JsonObject
 from grabberd.errors import CaptureFileError, InputError, NotFound, StorageError
 from grabberd.files.documents import read_json
-from grabberd_liner.analyses.documents import AnalysisRow, QuantityDocument, TableDocument, is_outdated
+from grabberd_liner.analyses.documents import (
+    RENAMED,
+    AnalysisRow,
+    QuantityDocument,
+    TableDocument,
+    outdated,
+)
 from grabberd_liner.analyses.store import DOCUMENT, AnalysisStore
+from grabberd_liner.analysis.load.liner_compression import QUANTITIES
 from grabberd_liner.chain.study.study import VERDICT, Found, LeftOut, Meaning, Studied, unanalysed
 
 SINCE, UNTIL = "since", "until"
@@ -142,7 +149,7 @@ def of_record(capture: Studied, row: AnalysisRow) -> Studied | LeftOut:
     """
     if row.problem is not None:
         return LeftOut(capture.id, "", f"its analysis {row.analysis} is damaged: {row.problem}")
-    if row.outdated_pressure:
+    if row.outdated == "pressure":
         return LeftOut(capture.id, "", OUTDATED)
     if not row.quantities:
         return LeftOut(capture.id, "", WITHOUT)
@@ -177,7 +184,7 @@ def _of_report(document: Mapping[str, Any], where: str) -> Studied | LeftOut:
         one["name"] == "mean_contact_kpa" and any(v is not None for v in one["values"])
         for one in document["tables"]["fields"]["columns"]
     )
-    if is_outdated(document.get("pressure_method"), has_pressure):
+    if outdated(document.get("pressure_method"), has_pressure, ()):
         return LeftOut(capture_id, "", f"{OUTDATED} ({where})")
     if "quantities" not in document["tables"]:
         return LeftOut(capture_id, "", f"{WITHOUT} ({where})")
@@ -225,7 +232,16 @@ def liner_of(profiles: Iterable[Mapping[str, Any]], labels: Mapping[str, str], i
 def _rows(table: TableDocument) -> list[dict[str, float | str | None]]:
     names = [column.name for column in table.columns]
     values = zip(*(column.values for column in table.columns), strict=True)
-    return [dict(zip(names, row, strict=True)) for row in values]
+    return [_renamed(dict(zip(names, row, strict=True))) for row in values]
+
+
+def _renamed(row: dict[str, float | str | None]) -> dict[str, float | str | None]:
+    """A row of the quantities with the name and meaning that it has now."""
+    name = RENAMED.get(str(row["name"]))
+    if name is None:
+        return row
+    now = QUANTITIES[name]
+    return {**row, "name": name, "title": now.title, "definition": now.definition}
 
 
 def _of_row(row: Mapping[str, float | str | None]) -> Found:

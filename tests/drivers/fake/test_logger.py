@@ -126,3 +126,11 @@ def test_it_is_unplugged_and_comes_back() -> None:
 def test_options_that_cannot_be_used_are_named(options: dict, says: str) -> None:
     with pytest.raises(ValueError, match=says):
         FakeLogger(**options)
+
+
+def test_milk_flows_while_the_difference_is_below_the_one_that_stops_it() -> None:
+    run = Run(3, dating="monotonic", noise_kpa=0.0, flow_stop_kpa=34.0, flow_delay_ms=100.0)
+    assert run.info.channels[-1] == "flow"
+    assert run.info.units[-1] is None
+    vacuum_kpa = pulsation_kpa(FakeOptions.read({}).liner, run.time_ns / 1e9 - 0.1)
+    assert np.array_equal(run.values[:, -1] == 1, 42.0 - vacuum_kpa < 34.0)

@@ -70,11 +70,45 @@ def test_the_load_is_that_of_the_teat_but_for_what_is_beyond_its_end_and_the_tar
     assert found["teat_load_peak_n_per_mm"] == pytest.approx(whole.peak_n_per_mm, rel=0.25)
 
 
-def test_overpressure_is_that_of_the_fullest_closure() -> None:
+def test_pressure_beyond_flow_stop_is_that_of_the_fullest_closure() -> None:
     options = LinerOptions()
     at_rest = closed_liner_quantities(options, [42.0])["liner_compression_teat_end_kpa"]
-    assert quantities_of(options, 9.0)["overpressure_kpa"] == pytest.approx(at_rest - 9.0, abs=0.5)
-    assert "overpressure_kpa" not in quantities_of(options)
+    found = quantities_of(options, 9.0)
+    assert found["teat_end_beyond_flow_stop_kpa"] == pytest.approx(at_rest - 9.0, abs=0.5)
+    assert not {name for name in quantities_of(options) if "flow" in name or "overpressure" in name}
+
+
+def test_overpressure_is_the_difference_in_phase_d_less_that_at_flow_stop() -> None:
+    options = LinerOptions()
+    found = quantities_of(options, 9.0, 34.0)
+    assert found["overpressure_derived_kpa"] == pytest.approx(42.0 - 34.0)
+    flows = [truth_of_liner({}, ms * MS).difference_kpa < 34.0 for ms in range(1000)]
+    assert found["flow_duration_s"] == pytest.approx(np.count_nonzero(flows) / 1000, abs=0.002)
+    stop_kpa = found["flow_stop_map_kpa"]
+    assert found["overpressure_map_kpa"] == pytest.approx(42.0 - stop_kpa)
+    at_end = closed_liner_quantities(options, [stop_kpa])["liner_compression_teat_end_kpa"]
+    assert at_end == pytest.approx(9.0, abs=2.5)
+
+
+def test_compression_above_atmosphere_is_less_by_the_liner_s_vacuum() -> None:
+    found = closed_liner_quantities(LinerOptions(), [42.0])
+    for name in ("liner_compression_mean", "liner_compression_teat_end", "massage_pressure"):
+        assert found[f"{name}_above_atmosphere_kpa"] == pytest.approx(found[f"{name}_kpa"] - 42.0)
+
+
+def test_a_millimetre_is_that_of_the_target_that_moves_most() -> None:
+    found = quantities_of(LinerOptions())
+    places = np.array([truth_at({}, ms * MS).xyz_mm for ms in range(1000)])
+    moved = (places - places.mean(axis=0)).reshape(1000, -1)
+    share = np.linalg.eigh(moved @ moved.T)[1][:, -1]
+    # How far each target goes with the movement that explains most.
+    each_mm = np.linalg.norm((share @ moved / (share @ share)).reshape(-1, 3), axis=1).max() * share
+    each_mm = each_mm if each_mm[400] > each_mm[900] else -each_mm
+    moving = (each_mm > each_mm.min() + 1.0) & (each_mm < each_mm.max() - 1.0)
+    times = found["liner_opening_1mm_s"] + found["liner_closing_1mm_s"]
+    assert times == pytest.approx(np.count_nonzero(moving) / 1000, abs=0.003)
+    words = ("opening", "open", "closing", "closed")
+    assert sum(found[f"liner_{word}_1mm_s"] for word in words) == pytest.approx(1.0)
 
 
 def test_an_empty_liner_has_its_own_values() -> None:

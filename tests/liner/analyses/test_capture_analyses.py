@@ -21,7 +21,7 @@ from grabberd_liner.analyses.store import AnalysisStore
 PROBLEM = JobProblem(message="the wall does not pulsate", hint="start the pulsator")
 QUANTITIES = [
     {
-        "name": "overpressure_kpa",
+        "name": "teat_end_beyond_flow_stop_kpa",
         "unit": "kPa",
         "value": None,
         "sigma": None,
@@ -148,5 +148,5 @@ def test_the_list_as_a_table_has_labels_and_quantities_as_columns(barn: Barn) ->
         "1",
     )
     assert (row["liner_compression_mean_kpa"], row["sigma_liner_compression_mean_kpa"]) == ("-11.8", "1.1")
-    assert (row["overpressure_kpa"], row["wall_ratio"]) == ("", "")
+    assert (row["teat_end_beyond_flow_stop_kpa"], row["wall_ratio"]) == ("", "")
     assert (other["id"], other["analysis_state"], other["rate_per_min"]) == ("b", "", "")

@@ -6,7 +6,7 @@ import pytest
 from archive.captures import PERIOD_NS, slots, write
 from archive.readings import SIGMA_NS, STEP_NS, readings, write_with_channels
 from grabberd.core.channels import Dating
-from grabberd_liner.analyses.source import channel_curves, recorded_quantities
+from grabberd_liner.analyses.source import channel_curves, recorded_quantities, wanted_channels
 
 BOTH = {"vacuum": {"pulsation": "channel", "liner": "channel"}}
 FIELDS = 60
@@ -42,6 +42,14 @@ def test_only_those_that_the_inputs_refer_to_are_read(tmp_path):
     assert list(channel_curves(path, one)) == ["pulsation"]
     for inputs in ({}, {"vacuum": None}, {"vacuum": "channel"}, {"vacuum": {"pulsation": "log"}}):
         assert channel_curves(path, inputs) == {}
+
+
+def test_milk_flow_is_read_where_the_inputs_say_what_it_means(tmp_path):
+    assert wanted_channels({"milk_flow": "high"}) == ["flow"]
+    assert wanted_channels({**BOTH, "milk_flow": "low"}) == ["pulsation", "liner", "flow"]
+    # A capture without that channel has none, and the inputs' reader says so.
+    path = write_with_channels(tmp_path, slots(FIELDS))
+    assert list(channel_curves(path, {"milk_flow": "high"})) == []
 
 
 def test_a_capture_without_channels_has_none(tmp_path):

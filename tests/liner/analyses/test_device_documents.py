@@ -87,6 +87,28 @@ def test_an_analysis_that_found_no_pressures_has_no_outdated_ones(analyses: Anal
     assert outdated(analyses) == [False, False, False]
 
 
+OLD_QUANTITY = {"name": "overpressure_kpa", "unit": "kPa", "value": 48.4, "sigma": 5.2, "sigma_common": 5.1}
+
+
+def test_an_analysis_that_calls_a_contact_pressure_overpressure_says_so_and_has_it_by_its_name_now(
+    analyses: AnalysisStore,
+) -> None:
+    stored(analyses, inputs=TOLD, pressure_method="equilibrium", quantities=[OLD_QUANTITY])
+    row = analyses.row("one", 1)
+    assert (row.outdated_overpressure, row.outdated_pressure, row.outdated) == (True, False, "overpressure")
+    assert [(one.name, one.value) for one in row.quantities] == [("teat_end_beyond_flow_stop_kpa", 48.4)]
+    marked = report_page(analyses, "one", 1).decode()
+    assert marked.index("Overpressure in milking research") < marked.index("Analysis report")
+    kept = json.loads((analyses.directory / "one" / "1" / RECORD).read_text())
+    assert kept["quantities"] == [OLD_QUANTITY]
+
+
+def test_an_analysis_with_today_s_names_has_nothing_wrong(analyses: AnalysisStore) -> None:
+    today = {**OLD_QUANTITY, "name": "overpressure_derived_kpa"}
+    stored(analyses, inputs=TOLD, pressure_method="equilibrium", quantities=[today])
+    assert analyses.row("one", 1).outdated == ""
+
+
 def test_its_report_says_so_at_the_top(analyses: AnalysisStore) -> None:
     stored(analyses, inputs=TOLD)
     stored(analyses, inputs=TOLD, pressure_method="equilibrium")

@@ -79,7 +79,7 @@ def test_the_first_page_has_the_quantities_that_were_found_with_sigma_and_verdic
 def test_every_quantity_is_defined_and_one_that_lacks_says_why(page):
     rows = {row[0]: row[1:] for row in page.table("Quantities and their definitions")}
     assert rows["Teat load"] == ["38.7 ± 1.5 N", "", "Force of one side.", "the wall"]
-    assert rows["Overpressure"][0] == "flow_stop was not given"
+    assert rows["Beyond flow stop"][0] == "flow_stop was not given"
 
 
 def test_the_load_over_height_is_drawn_in_every_wall_phase():
@@ -160,10 +160,20 @@ def test_an_earlier_analysis_without_pressures_has_nothing_wrong():
 
 
 def test_a_report_that_was_drawn_earlier_gets_the_same_notice_at_its_top(text):
-    marked = Page(marked_outdated(text))
+    marked = Page(marked_outdated(text, "pressure"))
     assert marked.headings[:2] == ["Wrong pressures", "Analysis report"]
     assert "Analyse the capture again" in marked.text
     assert marked.text.count("Its pressures are wrong.") == 0
+
+
+def test_a_contact_pressure_that_was_called_overpressure_is_explained_at_the_top():
+    document = full()
+    names = next(one for one in document["tables"]["quantities"]["columns"] if one["name"] == "name")
+    names["values"][names["values"].index("teat_end_beyond_flow_stop_kpa")] = "overpressure_kpa"
+    page = Page(analysis_html(document))
+    assert page.headings[:2] == ["Analysis report", "No overpressure"]
+    assert "is now called teat_end_beyond_flow_stop_kpa" in page.text
+    assert "Its pressures are wrong" not in page.text
 
 
 def test_inputs_are_listed_with_their_sources(page):

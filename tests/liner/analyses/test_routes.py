@@ -231,6 +231,20 @@ def test_an_analysis_with_outdated_pressures_says_so_wherever_it_is_read(client:
     assert AnalysisDocument.model_validate(client.get(address).json()).pressure_method is None
 
 
+def test_an_analysis_with_the_earlier_overpressure_says_so_wherever_it_is_read(client: TestClient) -> None:
+    number = done(client, "resting", inputs=SHAPE)
+    folder = liner_of(service_of(client)).analyses.directory / "resting" / str(number)
+    record = json.loads((folder / "record.json").read_text())
+    old = {"name": "overpressure_kpa", "unit": "kPa", "value": 48.4, "sigma": 5.2}
+    (folder / "record.json").write_text(json.dumps({**record, "quantities": [old]}))
+    address = f"{CAPTURES}/resting/analyses/{number}"
+    (row,) = (row for row in rows(client, "resting") if row["analysis"] == number)
+    assert (row["outdated_overpressure"], row["outdated_pressure"]) == (True, False)
+    assert row["quantities"][0]["name"] == "teat_end_beyond_flow_stop_kpa"
+    name = client.get(f"{address}/quantities.csv").headers["content-disposition"]
+    assert f"resting-analysis-{number}-quantities-outdated-overpressure.csv" in name
+
+
 def test_without_inputs_there_is_the_shape_and_what_lacks_is_said(client: TestClient) -> None:
     job = ended(client, ordered(client, "resting"))
     assert (job["kind"], job["subject"], job["state"], job["progress"]) == ("analyse", "resting", "done", 1)

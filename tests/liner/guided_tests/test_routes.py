@@ -53,7 +53,7 @@ def is_problem(answer: Any, status: int, words: str) -> bool:
 
 def test_the_recipes_say_what_to_do_and_how_long_it_takes(client: TestClient) -> None:
     recipes = {one["kind"]: one for one in client.get(f"{TESTS}/recipes").json()["recipes"]}
-    assert list(recipes) == ["reference", "ramp", "milking", "artificial-teat", "wear"]
+    assert list(recipes) == ["reference", "ramp", "milking", "artificial-teat", "overpressure", "wear"]
     assert (recipes["ramp"]["teat"], recipes["ramp"]["several"]) == (False, False)
     assert all(one["steps"] and one["duration_s"] > 0 and one["bits"] >= 1 for one in recipes.values())
 

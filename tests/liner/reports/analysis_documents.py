@@ -131,8 +131,8 @@ def full():
                 ),
                 "quantities": table(
                     "quantities",
-                    name=("", ["teat_load_n", "overpressure_kpa", "phase_b_share"]),
-                    title=("", ["teat load", "overpressure", "phase b of the cycle"]),
+                    name=("", ["teat_load_n", "teat_end_beyond_flow_stop_kpa", "phase_b_share"]),
+                    title=("", ["teat load", "beyond flow stop", "phase b of the cycle"]),
                     value=("", [38.7312, None, 0.4512], [1.5, None, 0.002]),
                     unit=("", ["N", "kPa", "1"]),
                     verdict=("", ["", "", "met"]),

@@ -5,7 +5,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-COMPRESSION, OVERPRESSURE = "liner_compression_mean_kpa", "overpressure_kpa"
+COMPRESSION, OVERPRESSURE = "liner_compression_mean_kpa", "overpressure_map_kpa"
 _COLUMNS = (
     "name",
     "title",

@@ -11,7 +11,7 @@ __all__ = ["barn"]
 
 
 def quantities(*values: float) -> list[list[dict[str, object]]]:
-    one = {"name": "overpressure_kpa", "unit": "kPa", "sigma": 0.1, "sigma_common": 0.0}
+    one = {"name": "overpressure_map_kpa", "unit": "kPa", "sigma": 0.1, "sigma_common": 0.0}
     return [[{**one, "value": value}] for value in values]
 
 

@@ -130,7 +130,7 @@ def analysed(state: Path) -> None:
         home = state / "analyses" / name / "1"
         home.mkdir(parents=True)
         one: dict[str, Any] = {
-            "name": "overpressure_kpa",
+            "name": "overpressure_map_kpa",
             "unit": "kPa",
             "value": value,
             "sigma": 1.0,
@@ -152,8 +152,8 @@ def told_of(*words: object) -> Any:
 def check(told: Any) -> None:
     assert told["captures"] == 2
     quantity = told["quantities"][0]
-    assert quantity["name"] == "overpressure_kpa"
-    assert quantity["title"] == "title of overpressure_kpa"
+    assert quantity["name"] == "overpressure_map_kpa"
+    assert quantity["title"] == "title of overpressure_map_kpa"
     assert quantity["differences"][0]["value"] == pytest.approx(1.0)
     assert quantity["verdict"] == "not tested"
     assert told["left_out"] == [

@@ -75,6 +75,18 @@ def test_an_analysis_with_outdated_pressures_is_left_out(tmp_path: Path) -> None
     assert "earlier, wrong way" in left_out[0].reason
 
 
+def test_an_earlier_overpressure_counts_as_what_it_is(tmp_path: Path) -> None:
+    old = report("a")
+    names = next(one for one in old["tables"]["quantities"]["columns"] if one["name"] == "name")
+    names["values"][names["values"].index(OVERPRESSURE)] = "overpressure_kpa"
+    store(tmp_path / "a", old)
+    ((one,), _) = captures_of_folders([tmp_path])
+    now = "teat_end_beyond_flow_stop_kpa"
+    assert now in one.found
+    assert "overpressure_kpa" not in one.found
+    assert one.meanings[now].title == "contact pressure at the teat's end beyond flow stop"
+
+
 def test_an_analysis_of_a_version_without_quantities_is_left_out(tmp_path: Path) -> None:
     old = report("a")
     del old["tables"]["quantities"]

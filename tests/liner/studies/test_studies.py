@@ -13,7 +13,9 @@ from grabberd.errors import InputError, StorageError
 from grabberd_liner.studies.captures import LocalArchive, Selection, captures_of_archive
 from liner.studies.results import report, store
 
-QUANTITIES = [{"name": "overpressure_kpa", "unit": "kPa", "value": 9.5, "sigma": 1.0, "sigma_common": 0.8}]
+QUANTITIES = [
+    {"name": "overpressure_map_kpa", "unit": "kPa", "value": 9.5, "sigma": 1.0, "sigma_common": 0.8}
+]
 
 
 class Barn:
@@ -56,7 +58,7 @@ def test_captures_that_meet_the_conditions_come_with_their_analyses(barn: Barn) 
         barn.analyse(name)
     assert barn.found("liner=A") == (["a1", "a2"], {})
     taken, _ = captures_of_archive(LocalArchive(barn.folder), Selection.of(["id=a1"]))
-    assert taken[0].found["overpressure_kpa"][:4] == ("kPa", 9.5, 1.0, 0.8)
+    assert taken[0].found["overpressure_map_kpa"][:4] == ("kPa", 9.5, 1.0, 0.8)
     assert (taken[0].device, taken[0].verdict, taken[0].analysis, taken[0].liner) == (
         "cup",
         "complete",
@@ -70,7 +72,7 @@ def test_titles_come_from_the_report_of_one_of_them(barn: Barn) -> None:
     store(barn.analyse("a2") / "report", report("a2"))
     (barn.folder / "analyses/a2/1/report/report.json").rename(barn.folder / "analyses/a2/1/report.json")
     taken, _ = captures_of_archive(LocalArchive(barn.folder), Selection.of(["liner=A"]))
-    assert {one.meanings["overpressure_kpa"].title for one in taken} == {"title of overpressure_kpa"}
+    assert {one.meanings["overpressure_map_kpa"].title for one in taken} == {"title of overpressure_map_kpa"}
 
 
 def test_captures_without_an_analysis_are_listed_and_others_not_asked_for_are_not(barn: Barn) -> None:
@@ -82,7 +84,7 @@ def test_the_newest_analysis_counts_and_is_not_replaced_by_an_older_one(barn: Ba
     barn.analyse("a1", quantities=[{**QUANTITIES[0], "value": 8.0}])
     barn.analyse("a1", 2)
     taken, _ = captures_of_archive(LocalArchive(barn.folder), Selection.of(["id=a1"]))
-    assert taken[0].found["overpressure_kpa"].value == 9.5
+    assert taken[0].found["overpressure_map_kpa"].value == 9.5
     (barn.analyse("a1", 3) / "record.json").write_text("{")
     assert "analysis 3 is damaged" in barn.found("id=a1")[1]["a1"]
 

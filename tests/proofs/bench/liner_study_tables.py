@@ -11,7 +11,7 @@ OWN = ("touch_kpa", "buckling_kpa", "stiffness_n_mm")
 """Quantities of the empty liner."""
 SHOWN = (
     "liner_compression_mean_kpa",
-    "overpressure_kpa",
+    "teat_end_beyond_flow_stop_kpa",
     "teat_load_n",
     "liner_opening_s",
     "liner_closing_s",
@@ -19,7 +19,7 @@ SHOWN = (
     "closing_lag_s",
 )
 """Quantities that are shown capture by capture."""
-COMPARED = ("liner_compression_mean_kpa", "teat_load_n", "overpressure_kpa", "liner_closing_s")
+COMPARED = ("liner_compression_mean_kpa", "teat_load_n", "teat_end_beyond_flow_stop_kpa", "liner_closing_s")
 _MISSING = "–"
 
 

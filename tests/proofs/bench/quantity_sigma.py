@@ -18,7 +18,7 @@ from grabberd_liner.analysis.load.empty_ramp import liner_values, ramp_quantitie
 from grabberd_liner.analysis.pulsation.movement import TimedPoints
 from grabberd_liner.chain.analysis.analyse import FieldPoints, analyse
 from grabberd_liner.chain.analysis.inputs import read_inputs
-from grabberd_liner.chain.analysis.tables import quantities
+from grabberd_liner.chain.analysis.quantities import quantities
 
 Array = NDArray[np.float64]
 
@@ -34,7 +34,7 @@ _FINE_S = 1e-4
 _LOAD = ("liner_compression_mean_kpa", "liner_compression_greatest_kpa", "liner_compression_teat_end_kpa")
 SHOWN = (
     *_LOAD,
-    *("teat_load_peak_n_per_mm", "teat_load_n", "overpressure_kpa", "stroke_mm", "rate_per_min"),
+    *("teat_load_peak_n_per_mm", "teat_load_n", "teat_end_beyond_flow_stop_kpa", "stroke_mm", "rate_per_min"),
     *("liner_opening_s", "liner_open_s", "liner_closing_s", "massage_time_s", "wall_ratio"),
 )
 FLOW_STOP = {"kpa": 9.0, "sigma_kpa": 1.0}

@@ -23,7 +23,7 @@ from grabberd.files.checked_file import checked_file
 
 CHANNEL_COLUMNS = (
     Column("channel", "", "U", "name of the channel"),
-    Column("quantity", "", "U", "what it measures: pulsation, liner, mouthpiece, milk_line, light"),
+    Column("quantity", "", "U", "what it measures: pulsation, liner, mouthpiece, milk_line, light, flow"),
     Column("time_utc", "", "M8[ms]", "when the reading was taken"),
     Column("time_s", "s", "f8", "the same, in seconds since the capture's first field", csv_format=".6f"),
     Column(

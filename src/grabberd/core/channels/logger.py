@@ -18,7 +18,7 @@ from grabberd.core.arrays import Array
 
 
 class Quantity(StrEnum):
-    """Quantity that a channel measures: vacuum in kPa below atmosphere, or the light that relates clocks."""
+    """Quantity that a channel measures: vacuum in kPa below atmosphere, or a level in any unit."""
 
     PULSATION = "pulsation"
     """Vacuum in the pulsation chamber."""
@@ -31,10 +31,13 @@ class Quantity(StrEnum):
     LIGHT = "light"
     """State of the light in the picture, in any unit: a switch's 0 and 1, or the voltage at the diode."""
 
+    FLOW = "flow"
+    """Milk in the short milk tube, in any unit: a sensor's flow, light or conductivity."""
+
     @property
     def is_vacuum(self) -> bool:
         """True for those that are in kPa."""
-        return self is not Quantity.LIGHT
+        return self not in (Quantity.LIGHT, Quantity.FLOW)
 
 
 class Dating(StrEnum):

@@ -1,4 +1,4 @@
-"""Liner compression, teat load, massage and overpressure of the mean cycle."""
+"""Liner compression above the liner's gas and above atmosphere, teat load and massage of the mean cycle."""
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import NamedTuple
@@ -22,97 +22,103 @@ from grabberd_liner.analysis.pulsation.phases import Phases
 
 COMPRESSION_SHARE = 0.05
 """Share by which a compression errs beyond its covariance, on walls solved as solids; a load does not."""
+BEYOND_FLOW_STOP = "teat_end_beyond_flow_stop_kpa"
 _DRAWS, _SEED = 400, 5
 """Of profiles, to find how far the place of a maximum scatters: its σ to 4 %."""
 
 _ARC = "round the wall from its middle to 10 mm, or to the outermost targets if they are nearer"
 _ON_TEAT = "from the first row of targets on the teat to the teat's end"
 _CLOSED = "mean over wall phase d"
+_HERE = (
+    "liner compression as in milking research, but above the gas in the liner; the literature's, 5 to 12 kPa "
+    "at the apex (Mein, Williams and Thiel 1987), is above atmosphere"
+)
 _LITERATURE = "liner compression as in milking research: pressure of the closed liner on the teat's tissue"
+_SIDE = "contact pressure over the half of the wall that faces the cameras, its flanks included"
+_BELOW_END = f"on the last {TEAT_END_MM:g} mm of the teat"
+_COMPRESSIONS = (
+    ("liner_compression_mean_kpa", "liner compression, mean", f"{_CLOSED}, {_ARC} and {_ON_TEAT}"),
+    (
+        "liner_compression_greatest_kpa",
+        "liner compression, greatest",
+        f"greatest over height, {_CLOSED} and {_ARC}; noise raises it",
+    ),
+    (
+        "liner_compression_teat_end_kpa",
+        "liner compression at the teat's end",
+        f"{_BELOW_END}, {_CLOSED} and {_ARC}",
+    ),
+    ("massage_pressure_kpa", "massage, pressure", f"the liner compression's mean, {_CLOSED}"),
+)
+"""Compressions: name, title and what is averaged."""
 
-QUANTITIES: Mapping[str, Quantity] = {
-    one.name: one
-    for one in (
-        Quantity(
-            "liner_compression_mean_kpa",
-            "liner compression, mean",
-            "kPa",
-            f"Contact pressure of the closed liner, {_CLOSED}, {_ARC} and {_ON_TEAT}.",
-            _LITERATURE,
-        ),
-        Quantity(
-            "liner_compression_greatest_kpa",
-            "liner compression, greatest",
-            "kPa",
-            f"Greatest over height of the contact pressure, {_CLOSED} and {_ARC}; noise raises it.",
-            _LITERATURE,
-        ),
-        Quantity(
-            "liner_compression_greatest_x_mm",
-            "height of the greatest liner compression",
-            "mm",
-            "Height on the mounted tube, x in the object's frame, at which liner compression is greatest.",
-            _LITERATURE,
-        ),
-        Quantity(
-            "liner_compression_teat_end_kpa",
-            "liner compression at the teat's end",
-            "kPa",
-            f"Contact pressure of the closed liner on the last {TEAT_END_MM:g} mm of the teat, {_CLOSED} and "
-            f"{_ARC}.",
-            _LITERATURE,
-        ),
-        Quantity(
-            "teat_end_x_mm",
-            "height of the teat's end",
-            "mm",
-            "Height on the mounted tube, x in the object's frame, at which liner compression, towards where "
-            f"opposite walls meet, has fallen to {100 * END_SHARE:g} % of its greatest.",
-            "found from the wall's load and gap",
-        ),
-        Quantity(
-            "teat_load_peak_n_per_mm",
-            "teat load per height, greatest",
-            "N/mm",
-            "Greatest over height of the force per length of tube with which one side of the closed liner "
-            f"presses the teat, {_CLOSED}; noise raises it.",
-            "contact pressure over the half of the wall that faces the cameras, its flanks included",
-        ),
-        Quantity(
-            "teat_load_n",
-            "teat load",
-            "N",
-            f"Force with which one side of the closed liner presses the teat, {_CLOSED}, {_ON_TEAT}.",
-            "contact pressure over the half of the wall that faces the cameras, its flanks included",
-        ),
-        Quantity(
-            "massage_time_s",
-            "massage, duration",
-            "s",
-            "Duration of wall phase d, during which the liner is closed.",
-            "phases of ISO 3918, by the wall's movement",
-        ),
-        Quantity(
-            "massage_pressure_kpa",
-            "massage, pressure",
-            "kPa",
-            "Mean over wall phase d of the liner compression's mean, that is the pressure of the massage.",
-            _LITERATURE,
-        ),
-        Quantity(
-            "overpressure_kpa",
-            "overpressure",
-            "kPa",
-            f"Contact pressure on the last {TEAT_END_MM:g} mm of the teat at full closure, the phase of "
-            "greatest load, less the contact pressure at which milk just stops flowing, as given.",
-            "overpressure as in milking research, but from contact pressure; the physiological way raises "
-            "the chamber's vacuum until milk flows",
-        ),
+
+def above_atmosphere(name: str) -> str:
+    """Name of a compression above atmosphere, from its name above the gas in the liner."""
+    return name.replace("_kpa", "_above_atmosphere_kpa")
+
+
+def _quantities() -> Iterator[Quantity]:
+    for name, title, what in _COMPRESSIONS:
+        pressed = "Contact pressure of the closed liner above the gas in it"
+        yield Quantity(name, title, "kPa", f"{pressed}: {what}.", _HERE)
+        less = f"The same as {name}, less the vacuum in the liner, {_CLOSED}."
+        yield Quantity(above_atmosphere(name), f"{title}, above atmosphere", "kPa", less, _LITERATURE)
+    yield Quantity(
+        "liner_compression_greatest_x_mm",
+        "height of the greatest liner compression",
+        "mm",
+        "Height on the mounted tube, x in the object's frame, at which liner compression is greatest.",
+        _LITERATURE,
     )
-}
+    yield Quantity(
+        "teat_end_x_mm",
+        "height of the teat's end",
+        "mm",
+        "Height on the mounted tube, x in the object's frame, at which liner compression, towards where "
+        f"opposite walls meet, has fallen to {100 * END_SHARE:g} % of its greatest.",
+        "found from the wall's load and gap",
+    )
+    yield Quantity(
+        "teat_load_peak_n_per_mm",
+        "teat load per height, greatest",
+        "N/mm",
+        "Greatest over height of the force per length of tube with which one side of the closed liner "
+        f"presses the teat, {_CLOSED}; noise raises it.",
+        _SIDE,
+    )
+    yield Quantity(
+        "teat_load_n",
+        "teat load",
+        "N",
+        f"Force with which one side of the closed liner presses the teat, {_CLOSED}, {_ON_TEAT}.",
+        _SIDE,
+    )
+    yield Quantity(
+        "massage_time_s",
+        "massage, duration",
+        "s",
+        "Duration of wall phase d, during which the liner is closed.",
+        "phases of ISO 3918, by the wall's movement",
+    )
+    yield Quantity(
+        BEYOND_FLOW_STOP,
+        "contact pressure at the teat's end beyond flow stop",
+        "kPa",
+        f"Contact pressure {_BELOW_END} at full closure, the phase of greatest load, less the contact "
+        "pressure at which milk just stops flowing, as given.",
+        "no overpressure, which is a pressure difference across the wall: some five times as much",
+    )
 
 
-_OF_THE_END = ("liner_compression_teat_end_kpa", "teat_end_x_mm", "overpressure_kpa")
+QUANTITIES: Mapping[str, Quantity] = {one.name: one for one in _quantities()}
+_OF_THE_END = (
+    "liner_compression_teat_end_kpa",
+    above_atmosphere("liner_compression_teat_end_kpa"),
+    "teat_end_x_mm",
+    BEYOND_FLOW_STOP,
+)
+_NO_LINER_VACUUM = "the vacuum in the liner is not known"
 
 
 class LinerCompression(NamedTuple):
@@ -135,6 +141,7 @@ def liner_compression(
     wall: Phases,
     flow_stop_kpa: Estimate | None,
     correlation: Array | None = None,
+    liner_kpa: Estimate | None = None,
 ) -> LinerCompression:
     """Quantities of the closed liner in the mean cycle.
 
@@ -144,6 +151,7 @@ def liner_compression(
         wall: the wall's phases.
         flow_stop_kpa: contact pressure at the teat's end at which milk just stops flowing; None if unknown.
         correlation: (P, P) of the noise of the points at two phases; None if it goes together in full.
+        liner_kpa: (P,) vacuum in the liner, below atmosphere; None if unknown.
     """
     massage = Estimate(wall.durations_s.value[3], wall.durations_s.sigma[3])
     found = {"massage_time_s": Finding.of(QUANTITIES["massage_time_s"], massage)}
@@ -166,13 +174,28 @@ def liner_compression(
         return LinerCompression(_findings(found, {}, error.message), closed, None)
     choice = ChosenHeights.of(closed, heights)
     found |= _by_name(_of_closed(closed, heights, choice))
-    reasons = dict.fromkeys(_OF_THE_END, heights.reason)
+    reasons = dict.fromkeys(_OF_THE_END, heights.reason) if heights.reason else {}
     if heights.end_mm is not None:
         found |= _by_name(_of_the_end(closed, closing, heights, choice, flow_stop_kpa))
-        reasons["overpressure_kpa"] = (
+        reasons[BEYOND_FLOW_STOP] = (
             "flow_stop was not given: the contact pressure at the teat's end at which milk just stops flowing"
         )
-    return LinerCompression(_findings(found, reasons, ""), closed, heights)
+    if liner_kpa is not None:
+        found |= _by_name(_above_atmosphere(found, liner_kpa, weights))
+    return LinerCompression(_findings(found, reasons, _NO_LINER_VACUUM), closed, heights)
+
+
+def _above_atmosphere(found: Mapping[str, Finding], liner_kpa: Estimate, weights: Array) -> Iterator[Finding]:
+    """Compressions less the liner's vacuum.
+
+    That is in the pressure difference as well, where its error partly cancels: σ is never too small.
+    """
+    share = weights / weights.sum()
+    liner, sigma_kpa = float(share @ liner_kpa.value), float(share @ liner_kpa.sigma)
+    for name, _, _ in _COMPRESSIONS:
+        if one := found.get(name):
+            sigma, common = (float(np.hypot(part, sigma_kpa)) for part in (one.sigma, one.common))
+            yield Finding(QUANTITIES[above_atmosphere(name)], one.value - liner, sigma, common=common)
 
 
 def _of_closed(closed: LoadProfile, heights: TeatHeights, choice: ChosenHeights) -> Iterator[Finding]:
@@ -202,7 +225,7 @@ def _of_the_end(
     if flow_stop_kpa is not None:
         teat_mm = (heights.first_mm, heights.last_mm)
         fullest = max(closing, key=lambda one: float(one.load_n_per_mm.value @ one.spans_within(*teat_mm)))
-        at_end = _at_end("overpressure_kpa", fullest, last_mm, end_mm, choice.end_kpa2)
+        at_end = _at_end(BEYOND_FLOW_STOP, fullest, last_mm, end_mm, choice.end_kpa2)
         sigma, common = (float(np.hypot(one, flow_stop_kpa.sigma)) for one in (at_end.sigma, at_end.common))
         yield at_end._replace(value=at_end.value - float(flow_stop_kpa.value), sigma=sigma, common=common)
 

@@ -23,7 +23,7 @@ from grabberd.errors import AnalysisError
 from grabberd_liner.analysis.estimate import Estimate, Finding, Quantity
 from grabberd_liner.analysis.pulsation.movement import basis
 from grabberd_liner.analysis.pulsation.pulsation import WALL_THRESHOLD, Pulsation
-from grabberd_liner.analysis.vacuum.vacuum_log import VacuumLog
+from grabberd_liner.analysis.vacuum.vacuum_log import VacuumLog, reading_noise
 
 ISO_THRESHOLD_KPA = 4.0
 _SMOOTHED_S = 0.006
@@ -34,6 +34,9 @@ _CORNER, _STEEP = 0.05, 0.6
 _BENT = 0.5
 """Share of the distance between series and straight line: chosen on two solved walls, held on four others."""
 _ANYWHERE = 12**-0.5
+_SHARES = (WALL_THRESHOLD, 1 - WALL_THRESHOLD, 1 - WALL_THRESHOLD, WALL_THRESHOLD)
+LASER_MM = 1.0
+"""Distance from the open and from the closed wall between which laser studies time its movement."""
 _NO_PHASES = "check the log: its chamber vacuum has to rise and fall by well over 8 kPa, cycle after cycle"
 
 
@@ -58,27 +61,46 @@ class Phases:
     cycles: int
 
 
-def wall_phases(pulsation: Pulsation) -> Phases:
-    """Wall phases of the mean cycle: the wall opens or closes between 10 and 90 % of the stroke.
+def wall_phases(pulsation: Pulsation, threshold_mm: float | None = None) -> Phases:
+    """Wall phases of the mean cycle: the wall opens or closes between two levels.
 
     σ includes the fields' noise, the σ of the cycle length, and what the movement may do between two fields.
 
+    Args:
+        pulsation: the mean cycle.
+        threshold_mm: distance of the levels from the closed and from the open one; None: 10 % of the stroke.
+
     Raises:
-        AnalysisError: the movement crosses a threshold more than once per phase.
+        AnalysisError: the movement crosses a level more than once per phase, or the stroke is too short.
     """
     waveform = pulsation.waveform
     low, high = waveform.levels()
-    shares = (WALL_THRESHOLD, 1 - WALL_THRESHOLD, 1 - WALL_THRESHOLD, WALL_THRESHOLD)
-    passed = [_passage(pulsation, low + share * (high - low), k < 2) for k, share in enumerate(shares)]
-    phase = np.array(passed)
-    terms = basis(phase, waveform.harmonics)
-    ends = waveform.level_terms()
-    share = np.array(shares)[:, None]
-    levels = (1 - share) * ends[0] + share * ends[1]
-    gradient = -(terms - levels) / waveform.slope(phase)[:, None]
+    from_end_mm = WALL_THRESHOLD * (high - low) if threshold_mm is None else threshold_mm
+    if from_end_mm >= (high - low) / 2:
+        raise AnalysisError(
+            f"the stroke of {high - low:.2f} mm leaves nothing between {from_end_mm:g} mm from its ends",
+            "use the times by 10 and 90 % of the stroke",
+        )
+    levels = low + from_end_mm, high - from_end_mm, high - from_end_mm, low + from_end_mm
+    phase = np.array([_passage(pulsation, level, k < 2) for k, level in enumerate(levels)])
+    gradient = _passage_gradient(pulsation, phase, threshold_mm)
     parts = np.mod(np.roll(phase, -1) - phase, 1.0)
     unseen = _unseen_variance_s2(pulsation, phase, parts)
     return _of_wall(pulsation, parts, np.roll(gradient, -1, axis=0) - gradient, unseen)
+
+
+def _passage_gradient(pulsation: Pulsation, phase: Array, threshold_mm: float | None) -> Array:
+    """(4, 2K + 2) derivatives of the passages by the coefficients, and by the relative size of the movement.
+
+    A share of the stroke does not depend on that size; a distance in mm does.
+    """
+    waveform = pulsation.waveform
+    share = np.array([0.0, 1.0, 1.0, 0.0] if threshold_mm is not None else _SHARES)[:, None]
+    ends = waveform.level_terms()
+    levels = (1 - share) * ends[0] + share * ends[1]
+    size_mm = (threshold_mm or 0.0) * np.array([-1.0, 1.0, 1.0, -1.0])[:, None]
+    by_all = np.hstack([basis(phase, waveform.harmonics) - levels, size_mm])
+    return np.asarray(-by_all / waveform.slope(phase)[:, None])
 
 
 def _unseen_variance_s2(pulsation: Pulsation, phase: Array, parts: Array) -> Array:
@@ -123,18 +145,19 @@ def _of_wall(pulsation: Pulsation, parts: Array, gradient: Array, unseen_s2: Arr
     Args:
         pulsation: the mean cycle.
         parts: (4,) shares of the cycle.
-        gradient: (4, 2K + 1) their derivatives by the coefficients.
+        gradient: (4, 2K + 2) their derivatives by the coefficients, and by the movement's relative size.
         unseen_s2: (4,) variance of the passage that each phase begins with.
     """
     by_all = np.column_stack([parts, pulsation.period_s * gradient])
     count = len(pulsation.period_covariance)
-    covariance = np.empty((count + 1, count + 1))
+    covariance = np.zeros((count + 2, count + 2))
     covariance[0, 0] = pulsation.period_sigma_s**2
-    covariance[0, 1:] = covariance[1:, 0] = pulsation.period_covariance
-    covariance[1:, 1:] = pulsation.waveform.covariance
+    covariance[0, 1:-1] = covariance[1:-1, 0] = pulsation.period_covariance
+    covariance[1:-1, 1:-1] = pulsation.waveform.covariance
+    covariance[-1, -1] = pulsation.size_sigma**2
     spread = np.diagonal(by_all @ covariance @ by_all.T) + unseen_s2 + np.roll(unseen_s2, -1)
     open_part = gradient[0] + gradient[1]
-    ratio_variance = open_part @ pulsation.waveform.covariance @ open_part
+    ratio_variance = open_part @ covariance[1:, 1:] @ open_part
     ratio_variance += (unseen_s2[0] + unseen_s2[2]) / pulsation.period_s**2
     return Phases(
         Estimate(parts * pulsation.period_s, np.sqrt(spread)),
@@ -195,7 +218,7 @@ def _width(log: VacuumLog) -> int:
 
 def maximum_kpa(log: VacuumLog) -> float:
     """The chamber's maximum vacuum: its 99th percentile less the bias by noise."""
-    noise = log.noise_kpa(log.pulsation_kpa) / np.sqrt(_width(log))
+    noise = reading_noise(log.pulsation_kpa) / np.sqrt(_width(log))
     return float(np.percentile(smoothed(log), _NEARLY_ALL) - 2 * noise)
 
 
@@ -252,6 +275,10 @@ def _mean(values: Array, least: float) -> Estimate:
 
 
 _BY_WALL = "phases of ISO 3918, by the wall's movement"
+_BY_LASER = (
+    "limits of a laser study, 1 mm less than fully open and 1 mm more than fully closed (Spencer and Jones "
+    "2000), which are those of the place that its laser meets"
+)
 _BY_VACUUM = "ISO 3918 and ISO 6690, by the pulsation chamber's vacuum"
 _RATIO = "(a + b) / (a + b + c + d)"
 
@@ -271,32 +298,40 @@ MOVEMENT: tuple[Quantity, Quantity] = (
 )
 """Stroke and rate."""
 WALL: Mapping[str, Quantity] = {
-    "a": Quantity(
-        "liner_opening_s",
-        "liner opening time",
-        "s",
-        "Time in which the wall moves from 10 to 90 % of its stroke: wall phase a.",
-        _BY_WALL,
-    ),
-    "b": Quantity(
-        "liner_open_s",
-        "liner open time",
-        "s",
-        "Time for which the wall stays beyond 90 % of its stroke: wall phase b.",
-        _BY_WALL,
-    ),
-    "c": Quantity(
-        "liner_closing_s",
-        "liner closing time",
-        "s",
-        "Time in which the wall moves back from 90 to 10 % of its stroke: wall phase c.",
-        _BY_WALL,
-    ),
+    letter: Quantity(
+        f"liner_{word}_s", f"liner {word} time", "s", f"Time {what}: wall phase {letter}.", _BY_WALL
+    )
+    for letter, word, what in (
+        ("a", "opening", "in which the wall moves from 10 to 90 % of its stroke"),
+        ("b", "open", "for which the wall stays beyond 90 % of its stroke"),
+        ("c", "closing", "in which the wall moves back from 90 to 10 % of its stroke"),
+    )
+} | {
+    "ratio": Quantity(
+        "wall_ratio", "ratio by the wall's movement", "1", f"{_RATIO} of the wall phases.", _BY_WALL
+    )
 }
-"""Durations of wall phases; that of d is the massage's."""
-WALL_RATIO = Quantity(
-    "wall_ratio", "ratio by the wall's movement", "1", f"{_RATIO} of the wall phases.", _BY_WALL
-)
+"""Durations of wall phases and their ratio; the duration of d is the massage's."""
+WALL_1MM: Mapping[str, Quantity] = {
+    letter: Quantity(
+        f"liner_{word}_1mm_s",
+        f"liner {word} time by 1 mm",
+        "s",
+        f"Time for which the wall {what}, of the target that moves most.",
+        _BY_LASER,
+    )
+    for letter, word, what in (
+        ("a", "opening", "moves from 1 mm from its closed level to 1 mm from its open one"),
+        ("b", "open", "stays within 1 mm of its open level"),
+        ("c", "closing", "moves from 1 mm from its open level to 1 mm from its closed one"),
+        ("d", "closed", "stays within 1 mm of its closed level"),
+    )
+} | {
+    "ratio": Quantity(
+        "wall_ratio_1mm", "ratio by the wall's movement, by 1 mm", "1", f"{_RATIO} of these times.", _BY_LASER
+    )
+}
+"""The same by the limits of laser studies."""
 VACUUM: Mapping[str, Quantity] = {
     letter: Quantity(
         f"phase_{letter}_s",
@@ -344,7 +379,17 @@ def movement_quantities(pulsation: Pulsation | None, reason: str) -> tuple[Findi
 
 def wall_quantities(phases: Phases | None, reason: str) -> tuple[Finding, ...]:
     """Durations of the wall's phases and its ratio, or the reason why there are none."""
-    return _of_phases({**WALL, "ratio": WALL_RATIO}, phases, reason)
+    return _of_phases(WALL, phases, reason)
+
+
+def laser_quantities(pulsation: Pulsation | None, reason: str) -> tuple[Finding, ...]:
+    """Durations of the wall's phases by 1 mm from its ends, and their ratio, or why there are none."""
+    if pulsation is None:
+        return _of_phases(WALL_1MM, None, reason)
+    try:
+        return _of_phases(WALL_1MM, wall_phases(pulsation, LASER_MM), reason)
+    except AnalysisError as error:
+        return _of_phases(WALL_1MM, None, error.message)
 
 
 def vacuum_quantities(phases: Phases | None, reason: str) -> tuple[Finding, ...]:

@@ -29,7 +29,7 @@ from grabberd.errors import AnalysisError, InputError
 from grabberd_liner.analysis.estimate import Estimate
 from grabberd_liner.analysis.pulsation.phases import ISO_THRESHOLD_KPA, edges, maximum_kpa, smoothed
 from grabberd_liner.analysis.pulsation.pulsation import Pulsation, Run
-from grabberd_liner.analysis.vacuum.vacuum_log import VacuumLog
+from grabberd_liner.analysis.vacuum.vacuum_log import VacuumLog, reading_noise
 
 # Slack for rounding of times.
 _ROOM_S = 1e-6
@@ -37,6 +37,11 @@ _ROOM_S = 1e-6
 
 class VacuumSource(Protocol):
     """Source of a vacuum."""
+
+    @property
+    def sigma_kpa(self) -> float:
+        """σ of its gauge or setting, common to all times."""
+        ...
 
     def at(self, time_s: Array) -> Estimate:
         """(F,) kPa below atmosphere at times of the camera's clock, with σ."""
@@ -166,7 +171,7 @@ class LoggedVacuum:
             return np.interp(at_s, self.log.time_s, self.kpa)
 
         slope = _slope(reading, own_s, max(self.offset_sigma_s, 2 * self.log.step_s))
-        noise = np.hypot(self.log.noise_kpa(self.kpa), self.sigma_kpa)
+        noise = np.hypot(reading_noise(self.kpa), self.sigma_kpa)
         return Estimate(reading(own_s), np.hypot(noise, slope * self.offset_sigma_s))
 
     def _check(self, time_s: Array, own_s: Array) -> None:
@@ -206,7 +211,7 @@ class ChannelCurve:
     Attributes:
         name: Quantity that it is of.
         time_s: (K,) when each was taken, from the capture's first field on, ascending.
-        kpa: (K,) vacuum below atmosphere.
+        kpa: (K,) vacuum below atmosphere; of a channel that measures none, its own numbers.
         sigma_kpa: σ of its calibration, common to all readings.
         time_sigma_s: σ of its clock against that of the fields.
         delay_sigma_s: the part of it that is the same for all readings of its logger.

@@ -99,11 +99,12 @@ class VacuumLog:
         after = np.flatnonzero(np.diff(self.time_s) > _GAP_STEPS * self.step_s)
         return [(float(self.time_s[k]), float(self.time_s[k + 1])) for k in after]
 
-    def noise_kpa(self, kpa: Array) -> float:
-        """σ of one reading, from its departure from the mean of its neighbours."""
-        # The median ignores slopes' corners; 1.4826 turns it into σ, and √1.5 is the σ of such a departure.
-        bend = kpa[1:-1] - (kpa[:-2] + kpa[2:]) / 2
-        return float(1.4826 * np.median(np.abs(bend)) / math.sqrt(1.5))
+
+def reading_noise(values: Array) -> float:
+    """σ of one of (K,) readings, from its departure from the mean of its neighbours."""
+    # The median ignores slopes' corners; 1.4826 turns it into σ, and √1.5 is the σ of such a departure.
+    bend = values[1:-1] - (values[:-2] + values[2:]) / 2
+    return float(1.4826 * np.median(np.abs(bend)) / math.sqrt(1.5))
 
 
 def read_vacuum_log(text: str) -> VacuumLog:

@@ -52,6 +52,7 @@ _WALL = (
     measured("pulsation_vacuum_kpa", "kPa", "vacuum in the pulsation chamber, below atmosphere"),
     measured("liner_vacuum_kpa", "kPa", "vacuum in the liner, below atmosphere"),
     measured("mean_contact_kpa", "kPa", "mean of contact_kpa over the targets where it is determined"),
+    measured("mean_above_atmosphere_kpa", "kPa", "the same above atmosphere: minus the vacuum in the liner"),
     measured(
         "greatest_contact_kpa", "kPa", "the greatest contact_kpa where it is determined; noise raises it"
     ),
@@ -106,7 +107,12 @@ _TARGET = (
 _PROFILE = (
     number("x_mm", "mm", "height on the mounted tube: x in the object's frame; it stays with the material"),
     measured(
-        "compression_kpa", "kPa", "mean contact pressure over the arc between the outermost columns seen"
+        "compression_kpa",
+        "kPa",
+        "mean contact pressure over the arc of the outermost columns seen, above the pressure in the liner",
+    ),
+    measured(
+        "compression_above_atmosphere_kpa", "kPa", "the same above atmosphere: minus the vacuum in the liner"
     ),
     measured("load_n_per_mm", "N/mm", "force on one side of the teat per present length of the tube"),
     measured(

@@ -17,7 +17,8 @@ heights_mm: [-30, 0, 30]
 phases: 24                              number of states of the mean cycle
 sought_kpa: 1                           smallest pressure that the map has to resolve
 unseen: free                            or mirrored: the half of the wall that no camera sees
-flow_stop: {kpa: 9, sigma_kpa: 1}       pressure on the teat's end at which milk just stops flowing
+flow_stop: {kpa: 9, sigma_kpa: 1}       contact pressure at the teat's end at which milk just stops flowing
+milk_flow: high                         or low: what the capture's own channel flow reads while milk flows
 average: 10                             fields of a still wall that become one, their mean; n counts the means
 """
 
@@ -33,6 +34,7 @@ from grabberd_liner.analysis.estimate import Estimate
 from grabberd_liner.analysis.grid import Grid
 from grabberd_liner.analysis.load.pressure import UNSEEN
 from grabberd_liner.analysis.surface.sections import Plane, symmetry_plane
+from grabberd_liner.analysis.vacuum.milk_flow import FlowCurve
 from grabberd_liner.analysis.vacuum.vacuum import ChannelCurve
 from grabberd_liner.analysis.wall.material import Zone, read_zones
 
@@ -47,13 +49,19 @@ KEYS = (
     "sought_kpa",
     "unseen",
     "flow_stop",
+    "milk_flow",
     "average",
 )
 CHAMBERS = ("pulsation", "liner")
 """Chambers whose vacuum an analysis takes."""
 CHANNEL = "channel"
 """Stands for a vacuum that was recorded with the capture itself."""
+FLOW = "flow"
+"""Channel of a sensor of flow, light or conductivity in the short milk tube."""
+FLOWING = ("high", "low")
+"""What it may read while milk flows."""
 _VACUUM_KEYS = (*CHAMBERS, "log", "offset", "lag", "gauge_sigma_kpa")
+_LEAST_READINGS = 10
 BY_LIGHT = "light"
 """Of `vacuum.offset`: the clocks are related by the light in the picture and in the log."""
 _HINT = "correct these inputs; docs/howto/analyse.md describes all of them"
@@ -101,7 +109,8 @@ class AnalysisInputs:
         empty: True if the capture is a ramp with the empty liner: its own values in place of pressures.
         homologous: as in the grid; if False, reference and material have no use.
         flow_stop_kpa: contact pressure at the teat's end at which milk just stops flowing; None: no
-            overpressure.
+            overpressure by the map.
+        milk_flow: recorded flow in the short milk tube; None: no overpressure by milk flow.
         channels: what was recorded with the capture itself, by name.
         average: number of fields that become one, their mean; 1 leaves them as they are.
         unmet: what profiles were asked for and could not give, in sentences.
@@ -119,6 +128,7 @@ class AnalysisInputs:
     empty: bool = False
     homologous: bool = True
     flow_stop_kpa: Estimate | None = None
+    milk_flow: FlowCurve | None = None
     channels: Mapping[str, ChannelCurve] = field(default_factory=dict)
     average: int = 1
     unmet: tuple[str, ...] = ()
@@ -166,6 +176,7 @@ class _Stated(NamedTuple):
     sought_kpa: float | None
     unseen: str
     flow_stop_kpa: Estimate | None
+    milk_flow: str | None
     empty: bool
     average: int
 
@@ -200,6 +211,7 @@ def read_inputs(
         empty=stated.empty,
         homologous=grid.homologous,
         flow_stop_kpa=stated.flow_stop_kpa,
+        milk_flow=_milk_flow(stated.milk_flow, channels or {}),
         channels=channels or {},
         average=stated.average,
     )
@@ -226,11 +238,25 @@ def _stated(reading: Reading, document: Mapping[str, Any]) -> _Stated:
     if unseen not in UNSEEN:
         reading.refuse("unseen", unseen, " or ".join(UNSEEN))
     flow_stop = _flow_stop(reading, document.get("flow_stop"))
+    milk_flow = reading.text(document, "milk_flow") if "milk_flow" in document else None
+    if milk_flow is not None and milk_flow not in FLOWING:
+        reading.refuse("milk_flow", milk_flow, " or ".join(FLOWING))
     empty = _empty(reading, document)
     average = reading.integer(document, "average", least=1) if "average" in document else 1
     material = reading.mapping(document, "material") if "material" in document else {}
     return _Stated(
-        reference, material, vacuum, plane, heights, phases, sought, unseen, flow_stop, empty, average
+        reference,
+        material,
+        vacuum,
+        plane,
+        heights,
+        phases,
+        sought,
+        unseen,
+        flow_stop,
+        milk_flow,
+        empty,
+        average,
     )
 
 
@@ -285,6 +311,24 @@ def _flow_stop(reading: Reading, value: object) -> Estimate | None:
     reading.keys("flow_stop.", value, ("kpa", "sigma_kpa"))
     numbers = [reading.number(value, key, "flow_stop.", positive=True) for key in ("kpa", "sigma_kpa")]
     return Estimate(*map(np.asarray, numbers))
+
+
+def _milk_flow(flowing: str | None, channels: Mapping[str, ChannelCurve]) -> FlowCurve | None:
+    """The recorded flow, higher while milk flows.
+
+    Raises:
+        InputError: the capture has no such channel, or too few readings of it.
+    """
+    if flowing is None:
+        return None
+    if FLOW not in channels or np.isfinite(channels[FLOW].kpa).sum() < _LEAST_READINGS:
+        raise InputError(
+            f"milk_flow is {flowing}, and the capture has no readings of a channel {FLOW}",
+            "record the sensor in the short milk tube as a channel of the quantity flow, or leave it out",
+        )
+    curve = channels[FLOW]
+    known = np.isfinite(curve.kpa)
+    return FlowCurve(curve.time_s[known], curve.kpa[known] * (1 if flowing == "high" else -1))
 
 
 def _plane(reading: Reading, value: object) -> Plane | str | None:

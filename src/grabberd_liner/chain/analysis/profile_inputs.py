@@ -14,7 +14,7 @@ from grabberd.errors import GrabberdError, InputError
 from grabberd_liner.analysis.grid import Grid, NominalShape
 from grabberd_liner.analysis.vacuum.vacuum_log import read_vacuum_log
 from grabberd_liner.analysis.wall.material import Material, read_parts, read_zones
-from grabberd_liner.chain.analysis.inputs import BY_LIGHT, CHAMBERS, CHANNEL, input_problems
+from grabberd_liner.chain.analysis.inputs import BY_LIGHT, CHAMBERS, CHANNEL, FLOW, input_problems
 from grabberd_liner.chain.analysis.vacuum_inputs import read_constant, read_lag, read_offset, read_wave
 
 CHOICES = ("reference", "plane", "heights_mm", "phases", "sought_kpa", "unseen")
@@ -149,7 +149,7 @@ class Subject(NamedTuple):
         device: Name of the device that recorded it.
         object_model: Name of the object model that it was measured with.
         grid: Grid of that object model.
-        recorded: Chambers whose vacuum was recorded with it, of `pulsation` and `liner`.
+        recorded: Quantities that were recorded with it, such as `pulsation`, `liner` and `flow`.
     """
 
     device: str | None
@@ -230,6 +230,8 @@ def resolve(
         problems += _of_another_cup(cup, subject)
         if CHANNEL not in resolved.vacuum.values():  # a channel has its own gauge, and its calibration
             _take_known(resolved, cup, {"vacuum.gauge_sigma_kpa": "gauge_sigma_kpa"})
+        if FLOW in subject.recorded:
+            _take_known(resolved, cup, {"milk_flow": "milk_flow"})
     if cow := found.get("cow"):
         _take_known(resolved, cow, {"flow_stop": "flow_stop"})
     if problems:

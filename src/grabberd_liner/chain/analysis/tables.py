@@ -1,7 +1,5 @@
 """The tables of an analysis: its summary, and one row for each field, phase, target, section, cycle, gap,
 triangle or edge.
-
-The field's own quantities in an analysis: each with σ, or with the reason why it is missing.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -13,110 +11,14 @@ from numpy.typing import NDArray
 from grabberd.core.arrays import Array
 from grabberd.core.chain.columns import Table, make_table
 from grabberd_liner.analysis.estimate import Estimate, Finding
-from grabberd_liner.analysis.load.empty_ramp import ramp_quantities
-from grabberd_liner.analysis.load.liner_compression import QUANTITIES, liner_compression
 from grabberd_liner.analysis.load.pressure import ChamberVacuum, PressureMap
-from grabberd_liner.analysis.pulsation.phase_average import PhaseAverage
-from grabberd_liner.analysis.pulsation.phases import (
-    NO_CURVE,
-    lag_quantities,
-    movement_quantities,
-    pulsator_limits,
-    vacuum_quantities,
-    wall_quantities,
-)
 from grabberd_liner.chain.analysis.analyse import Analysis, Cycle
 from grabberd_liner.chain.analysis.columns import TABLES
 from grabberd_liner.chain.analysis.inputs import CHAMBERS
+from grabberd_liner.chain.analysis.quantities import quantities, quantity_values
 from grabberd_liner.chain.analysis.vacuum_inputs import Vacuum
 from grabberd_liner.chain.analysis.wall_series import ramp_values
 from grabberd_liner.chain.analysis.wall_state import WallState
-
-_NO_CYCLE = "there is no mean cycle"
-_NO_WALL_PHASES = "the wall's movement has no four phases"
-_NO_TEAT = "there is no teat: the capture is a ramp with the empty liner"
-_NO_RAMP = "the capture is no ramp with the empty liner"
-_NO_VALUES = "a ramp needs a reference, one material and both vacuums"
-_NO_LAG = "the vacuum has no clock that a light, or the capture itself, relates to the camera's"
-
-
-def quantities(analysis: Analysis) -> tuple[Finding, ...]:
-    """All of them, in the order in which they are shown.
-
-    Whatever shows or exports one of them takes it from here, so that it is the same number everywhere.
-    """
-    cycle, vacuum = analysis.cycle, analysis.source.phases if analysis.source else None
-    wall, reason = cycle.wall if cycle else None, _without_phases(analysis)
-    return (
-        *_of_the_load(analysis),
-        *movement_quantities(cycle.pulsation if cycle else None, reason),
-        *wall_quantities(wall, reason),
-        *vacuum_quantities(vacuum, NO_CURVE),
-        *pulsator_limits(vacuum),
-        *_lags(analysis),
-        *_of_the_ramp(analysis),
-    )
-
-
-def _without_phases(analysis: Analysis) -> str:
-    """The reason why there are no wall phases, where there are none."""
-    if analysis.inputs.empty:
-        return _NO_TEAT
-    return _NO_WALL_PHASES if analysis.cycle else _NO_CYCLE
-
-
-def _lags(analysis: Analysis) -> tuple[Finding, ...]:
-    source, lag = analysis.source, analysis.source.lag if analysis.source else None
-    if source is None or lag is None:
-        return lag_quantities((), np.nan, _NO_TEAT if analysis.inputs.empty else _NO_LAG)
-    shifts = ((lag.opening_shift_s, lag.opening_sigma_s), (lag.closing_shift_s, lag.closing_sigma_s))
-    each = [Estimate.of(value, sigma) for value, sigma in shifts]
-    return lag_quantities(each, source.time_sigma_s, "")
-
-
-def _of_the_ramp(analysis: Analysis) -> tuple[Finding, ...]:
-    empty = analysis.empty
-    if empty is None:
-        return ramp_quantities(None, None, (_NO_VALUES if analysis.inputs.empty else _NO_RAMP,) * 2)
-    return ramp_quantities(empty.values, empty.collapse, empty.reasons)
-
-
-def _of_the_load(analysis: Analysis) -> tuple[Finding, ...]:
-    cycle = analysis.cycle
-    if cycle is None or cycle.wall is None:
-        reason = _without_phases(analysis)
-        return tuple(Finding.missing(quantity, reason) for quantity in QUANTITIES.values())
-    profiles = [state.pressure.profile if state.pressure else None for state in analysis.phases]
-    flow_stop_kpa, alike = analysis.inputs.flow_stop_kpa, _correlation(cycle.average, analysis.phase)
-    found = liner_compression(analysis.phase, profiles, cycle.wall, flow_stop_kpa, alike)
-    if any(profiles):
-        return found.findings
-    # That no load is known has a cause, which the inputs may tell.
-    lacks = [text.partition(":")[0] for text in analysis.inputs.lacks if "pressure" in text]
-    if not lacks:
-        return found.findings
-    said = f"there is no pressure without {', '.join(dict.fromkeys(lacks))}"
-    return tuple(one._replace(reason=said) if one.reason else one for one in found.findings)
-
-
-def _correlation(average: PhaseAverage | None, phase: Array) -> Array | None:
-    """(P, P) of the noise at those phases of a mean cycle that could be analysed."""
-    if average is None:
-        return None
-    among = np.isin(average.phase, phase)
-    return average.correlation[np.ix_(among, among)]
-
-
-def quantity_values(found: Sequence[Finding]) -> dict[str, Any]:
-    """Values of the table `quantities` by column name."""
-    quantity = [one.quantity for one in found]
-    return {
-        **{name: np.array([getattr(one, name) for one in quantity]) for name in quantity[0]._fields},
-        "value": Estimate(np.array([one.value for one in found]), np.array([one.sigma for one in found])),
-        "sigma_common": np.array([one.common for one in found]),
-        **{name: np.array([getattr(one, name) for one in found]) for name in ("verdict", "reason")},
-    }
-
 
 Keys = Mapping[str, NDArray[Any]]
 Values = Mapping[str, Any]
@@ -318,12 +220,14 @@ def _movement(analysis: Analysis, time_s: Array) -> Estimate:
 def _wall(analysis: Analysis, series: _Series) -> dict[str, Any]:
     maps, states = series.maps, series.states
     greatest = [_greatest(one) for one in maps]
+    mean = _each([one and one.mean_kpa for one in maps])
     return {
         "area_mm2": _each([state.area.area_mm2 for state in states]),
         "covered": np.array([state.area.covered for state in states]),
         "volume_mm3": _each([state.volume_mm3 for state in states]),
         **_vacuum(series),
-        "mean_contact_kpa": _each([one and one.mean_kpa for one in maps]),
+        "mean_contact_kpa": mean,
+        "mean_above_atmosphere_kpa": _above_atmosphere(mean, _liner_kpa(series, [1] * len(maps))),
         "greatest_contact_kpa": _each([_at(one, index) for one, index in zip(maps, greatest, strict=True)]),
         "greatest_contact_target": np.array(
             [np.nan if index is None else analysis.grid.target[index] for index in greatest]
@@ -347,6 +251,19 @@ def _vacuum(series: _Series) -> dict[str, Estimate]:
         )
         for name in CHAMBERS
     }
+
+
+def _liner_kpa(series: _Series, counts: Sequence[int]) -> Estimate:
+    """The liner's vacuum at each state, so many times; NaN where it is unknown."""
+    if not series.vacuum:
+        return _none(sum(counts))
+    pairs = np.array([(one.liner_kpa, one.liner_sigma_kpa) for one in series.vacuum]).reshape(-1, 2)
+    return Estimate(*np.repeat(pairs, counts, axis=0).T)
+
+
+def _above_atmosphere(contact: Estimate, liner: Estimate) -> Estimate:
+    """Contact pressures less the liner's vacuum, where each is known."""
+    return Estimate(contact.value - liner.value, np.hypot(contact.sigma, liner.sigma))
 
 
 def _greatest(one: PressureMap | None) -> int | None:
@@ -375,10 +292,13 @@ def _profiles(series: _Series) -> dict[str, Any]:
     """Rows of the load over height; states without it have none."""
     profiles = [one.profile if one else None for one in series.maps]
     known = [one for one in profiles if one]
+    compression = _joined([one.compression_kpa.estimate for one in known])
+    liner = _liner_kpa(series, [len(one.x_mm) if one else 0 for one in profiles])
     return {
         **series.repeated([len(one.x_mm) if one else 0 for one in profiles]),
         "x_mm": _rows([one.x_mm for one in known]),
-        "compression_kpa": _joined([one.compression_kpa.estimate for one in known]),
+        "compression_kpa": compression,
+        "compression_above_atmosphere_kpa": _above_atmosphere(compression, liner),
         "load_n_per_mm": _joined([one.load_n_per_mm.estimate for one in known]),
         "gap_mm": _joined([one.gap_mm for one in known]),
     }

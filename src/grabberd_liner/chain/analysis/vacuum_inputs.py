@@ -13,6 +13,7 @@ from grabberd_liner.analysis.load.pressure import ChamberVacuum
 from grabberd_liner.analysis.pulsation.phases import Phases, iso_phases
 from grabberd_liner.analysis.pulsation.pulsation import Pulsation
 from grabberd_liner.analysis.vacuum.light_clock import FoundLight
+from grabberd_liner.analysis.vacuum.milk_flow import DifferenceCurve
 from grabberd_liner.analysis.vacuum.vacuum import (
     ChannelCurve,
     ConstantVacuum,
@@ -23,11 +24,12 @@ from grabberd_liner.analysis.vacuum.vacuum import (
     WallLag,
     find_offset,
 )
-from grabberd_liner.analysis.vacuum.vacuum_log import VacuumLog, read_vacuum_log
+from grabberd_liner.analysis.vacuum.vacuum_log import VacuumLog, read_vacuum_log, reading_noise
 from grabberd_liner.chain.analysis.inputs import BY_LIGHT, CHAMBERS, CHANNEL, missing
 
 # Least reach of a slope: with one clock the offset's σ is 0, and the difference quotient needs some width.
 _SLOPE_S = 0.002
+_LEAST_READINGS = 10
 _WAVE_KEYS = tuple(field.name for field in fields(PulsatorWave))
 
 
@@ -70,6 +72,40 @@ class Vacuum(NamedTuple):
         columns = (pulsation.value, liner.value, pulsation.sigma, liner.sigma, *slopes)
         rows = np.column_stack([*columns, np.full(len(time_s), self.time_sigma_s)])
         return [ChamberVacuum(*map(float, row)) for row in rows]
+
+    @property
+    def gauge_sigma_kpa(self) -> float:
+        """σ of the zero of the pressure difference, which is the same at all times."""
+        return float(np.hypot(self.pulsation.sigma_kpa, self.liner.sigma_kpa))
+
+    def difference(self, first_s: float, last_s: float) -> DifferenceCurve:
+        """The pressure difference at the chamber's readings between two times of the camera's clock.
+
+        Raises:
+            InputError: the chamber's vacuum was not measured then, or the liner's is not known.
+        """
+        chamber = self.pulsation
+        if not isinstance(chamber, LoggedVacuum):
+            raise InputError(
+                "the pulsation chamber's vacuum was not measured, and milk flow is laid on its curve",
+                "record it with the capture, or add the logger's file",
+            )
+        time_s = chamber.log.time_s + chamber.offset_s
+        inside = (time_s >= first_s) & (time_s <= last_s)
+        noise_kpa = reading_noise(chamber.kpa)
+        if isinstance(self.liner, LoggedVacuum):
+            first_s, last_s = self.liner.log.time_s[[0, -1]] + self.liner.offset_s
+            inside &= (time_s >= first_s) & (time_s <= last_s)
+            noise_kpa = float(np.hypot(noise_kpa, reading_noise(self.liner.kpa)))
+        if inside.sum() < _LEAST_READINGS:
+            raise InputError(
+                f"vacuum and milk flow have {inside.sum()} readings in common", "record both with the capture"
+            )
+        liner_kpa = self.liner.at(time_s[inside]).value
+        difference_kpa = liner_kpa - chamber.kpa[inside]
+        return DifferenceCurve(
+            time_s[inside], chamber.kpa[inside], difference_kpa, noise_kpa, self.gauge_sigma_kpa
+        )
 
     def _slope(self, source: VacuumSource, time_s: Array) -> Array:
         """(F,) slope in kPa/s over ± the offset's σ; one-sided at the first and last field."""

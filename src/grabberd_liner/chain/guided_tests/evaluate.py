@@ -15,6 +15,7 @@ from grabberd_liner.chain.analysis.wall_state import FieldPoints
 from grabberd_liner.chain.guided_tests.artificial_teat import artificial_teat_test, known_kpa
 from grabberd_liner.chain.guided_tests.milking_test import milking_test
 from grabberd_liner.chain.guided_tests.outcome import FAILED, Check, Evidence, Outcome, Question, exact
+from grabberd_liner.chain.guided_tests.overpressure_test import overpressure_test
 from grabberd_liner.chain.guided_tests.ramp_test import ramp_test
 from grabberd_liner.chain.guided_tests.recipes import RECIPES, Recipe
 from grabberd_liner.chain.guided_tests.reference_test import reference_test
@@ -174,6 +175,7 @@ _OF_ONE: Mapping[str, Callable[[Evidence], Outcome]] = {
 }
 _OF_SEVERAL: Mapping[str, Callable[[Sequence[Evidence]], Outcome]] = {
     "artificial-teat": artificial_teat_test,
+    "overpressure": overpressure_test,
     "wear": wear_test,
 }
 

@@ -26,17 +26,25 @@ _LEAST_CYCLES = 5.0
 _LEAST_COLUMNS = 4
 _CLOCK_KPA = 2.5
 """What the clocks' σ may do to the vacuum on its steepest flank: 8 ms at 300 kPa/s."""
+_OVERPRESSURES = ("overpressure_derived_kpa", "overpressure_raised_kpa", "overpressure_map_kpa")
 _NAMES = (
     "liner_compression_mean_kpa",
     "liner_compression_greatest_kpa",
     "liner_compression_teat_end_kpa",
-    "overpressure_kpa",
+    "liner_compression_mean_above_atmosphere_kpa",
+    "liner_compression_greatest_above_atmosphere_kpa",
+    "liner_compression_teat_end_above_atmosphere_kpa",
+    "teat_end_beyond_flow_stop_kpa",
+    *_OVERPRESSURES,
+    "overpressure_disagreement_kpa",
     "teat_load_peak_n_per_mm",
     "teat_load_n",
     "massage_time_s",
     "stroke_mm",
     "liner_opening_s",
     "liner_closing_s",
+    "liner_opening_1mm_s",
+    "liner_closing_1mm_s",
     "rate_per_min",
     "wall_ratio",
     "phase_b_share",
@@ -60,7 +68,9 @@ TEAT_END = Question(
     "glue targets farther down, to where opposite walls meet below the teat; push the cup on as far",
 )
 OVERPRESSURE = Question(
-    "overpressure_known", "overpressure was found", "state flow_stop in the cow's profile, and label the cow"
+    "overpressure_known",
+    "overpressure was found",
+    "record milk flow and state milk_flow in the cup's profile, or flow_stop in the cow's; label them",
 )
 TIMES = Question(
     "times_known",
@@ -129,11 +139,18 @@ def _known(one: Evidence) -> Iterator[Check]:
         (TIMES, "liner_closing_s"),
     ):
         yield ask.answered(one.quantity(name) is not None, one.said(name, "reason"))
-    reason = one.said("overpressure_kpa", "reason")
-    if "flow_stop" in reason:
-        yield OVERPRESSURE.not_checked(f"{reason}; {OVERPRESSURE.remedy}")
-    else:
-        yield OVERPRESSURE.answered(one.quantity("overpressure_kpa") is not None, reason)
+    yield _overpressure(one)
+
+
+def _overpressure(one: Evidence) -> Check:
+    """The check that one way to it has a result, as far as any was asked for."""
+    if any(one.quantity(name) for name in _OVERPRESSURES):
+        return OVERPRESSURE.answered(True)
+    reasons = dict.fromkeys(one.said(name, "reason") for name in _OVERPRESSURES)
+    asked = [text for text in reasons if "was not given" not in text]
+    if not asked:
+        return OVERPRESSURE.not_checked(f"{'; '.join(reasons)}; {OVERPRESSURE.remedy}")
+    return OVERPRESSURE.answered(False, "; ".join(asked))
 
 
 def _iso(one: Evidence, name: str, ask: Question) -> Check:

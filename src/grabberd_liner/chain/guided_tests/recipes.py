@@ -123,6 +123,24 @@ _ALL = (
         inputs=_OF_STILL,
     ),
     Recipe(
+        "overpressure",
+        "Overpressure in two ways",
+        40.0,
+        1,
+        several=True,
+        pulsates=None,
+        teat=True,
+        steps=(
+            Step("sensor", "Fit a sensor of milk flow into the short milk tube; record it as channel flow."),
+            Step("attach", "Attach the cup to the teat, and wait for a minute of full milk flow."),
+            Step("pulsate", "Capture some twenty cycles while the pulsator runs."),
+            Step("hold", "Hold the pulsator in phase d, its chamber at atmosphere; start the next capture."),
+            Step(
+                "raise", "After five seconds raise the chamber's vacuum by .5 kPa a second until milk flows."
+            ),
+        ),
+    ),
+    Recipe(
         "wear",
         "Wear over milkings",
         20.0,

@@ -1,4 +1,6 @@
-"""Liner compression, teat load, massage and overpressure: of made-up loads, and of a solved wall."""
+"""Liner compression above the liner's gas and above atmosphere, load and massage: of made-up loads, and of a
+solved wall.
+"""
 
 import numpy as np
 import pytest
@@ -7,8 +9,10 @@ from grabberd_fake.liner_options import LinerOptions
 from grabberd_fake.liner_truth import closed_liner_quantities
 from grabberd_liner.analysis.estimate import Estimate
 from grabberd_liner.analysis.load.liner_compression import (
+    BEYOND_FLOW_STOP,
     COMPRESSION_SHARE,
     QUANTITIES,
+    above_atmosphere,
     liner_compression,
 )
 from grabberd_liner.analysis.load.load_profile import Noise
@@ -25,6 +29,7 @@ WALL = Phases(
     8,
 )
 FLOW_STOP = Estimate(np.asarray(9.0), np.asarray(1.0))
+LINER = Estimate(np.full(20, 40.0), np.full(20, 0.3))
 TEAT = X_MM <= TEAT_END_MM
 END_MM = TEAT_END_MM + 5.0 * (11.6 - 1.3) / (11.6 - 0.1)
 """Where the walls come to meet, as `test_closed_liner` has it."""
@@ -35,8 +40,8 @@ def cycle(closing):
     return [closed(pressed=False)] * 14 + list(closing)
 
 
-def found_of(profiles, flow_stop=FLOW_STOP):
-    found = liner_compression(PHASE, profiles, WALL, flow_stop)
+def found_of(profiles, flow_stop=FLOW_STOP, liner_kpa=LINER):
+    found = liner_compression(PHASE, profiles, WALL, flow_stop, liner_kpa=liner_kpa)
     return {finding.quantity.name: finding for finding in found.findings}
 
 
@@ -116,7 +121,7 @@ def noise_of(load=0.0, gap=0.0):
 
 def test_the_pressure_that_stops_the_flow_is_common_to_captures_that_are_given_it():
     exact, vague = (
-        found_of(cycle([closed()] * 6), FLOW_STOP._replace(sigma=np.asarray(sigma)))["overpressure_kpa"]
+        found_of(cycle([closed()] * 6), FLOW_STOP._replace(sigma=np.asarray(sigma)))[BEYOND_FLOW_STOP]
         for sigma in (0.0, 3.0)
     )
     assert vague.common == pytest.approx(np.hypot(exact.common, 3.0))
@@ -128,11 +133,50 @@ def test_massage_lasts_for_wall_phase_d(even):
     assert even["massage_pressure_kpa"].value == even["liner_compression_mean_kpa"].value
 
 
-def test_overpressure_is_that_at_full_closure_less_what_stops_the_flow():
+def test_pressure_beyond_flow_stop_is_that_at_full_closure_less_what_stops_the_flow():
     uneven = found_of(cycle([closed(scale) for scale in (0.8, 1.0, 1.2, 1.2, 1.0, 0.8)]))
     end_kpa = 1.2 * uneven["liner_compression_teat_end_kpa"].value
-    assert uneven["overpressure_kpa"].value == pytest.approx(end_kpa - 9.0)
-    assert uneven["overpressure_kpa"].sigma > FLOW_STOP.sigma
+    assert uneven[BEYOND_FLOW_STOP].value == pytest.approx(end_kpa - 9.0)
+    assert uneven[BEYOND_FLOW_STOP].sigma > FLOW_STOP.sigma
+
+
+COMPRESSIONS = (
+    "liner_compression_mean_kpa",
+    "liner_compression_greatest_kpa",
+    "liner_compression_teat_end_kpa",
+    "massage_pressure_kpa",
+)
+
+
+@pytest.mark.parametrize("name", COMPRESSIONS)
+def test_a_compression_above_atmosphere_is_less_by_the_liner_s_vacuum(even, name):
+    gauge, above = even[name], even[above_atmosphere(name)]
+    assert above.value == pytest.approx(gauge.value - 40.0)
+    assert above.sigma == pytest.approx(np.hypot(gauge.sigma, 0.3))
+    assert above.common == pytest.approx(np.hypot(gauge.common, 0.3))
+    assert "above atmosphere" in above.quantity.title
+    assert "above the gas" in gauge.quantity.definition
+
+
+@pytest.mark.parametrize("liner_kpa", [20.0, 42.0])
+def test_a_snug_mandrel_shows_nothing_above_atmosphere(liner_kpa):
+    """It is pressed by the pressure difference alone, which in phase d is the liner's vacuum."""
+    mandrel = closed()
+    at_rest = mandrel.compression_kpa._replace(value=np.where(TEAT, liner_kpa, 0.0))
+    vacuum = Estimate(np.full(20, liner_kpa), np.full(20, 0.3))
+    found = found_of(cycle([mandrel._replace(compression_kpa=at_rest)] * 6), liner_kpa=vacuum)
+    for name in ("liner_compression_mean_kpa", "massage_pressure_kpa"):
+        weights_at_end = 2.0  # of the last height, which is half on the teat
+        assert found[name].value == pytest.approx(liner_kpa, abs=weights_at_end)
+        assert found[above_atmosphere(name)].value == pytest.approx(found[name].value - liner_kpa)
+        assert found[above_atmosphere(name)].value == pytest.approx(0.0, abs=weights_at_end)
+
+
+def test_without_the_liner_s_vacuum_nothing_is_known_above_atmosphere():
+    found = found_of(cycle([closed()] * 6), liner_kpa=None)
+    assert found["liner_compression_mean_kpa"].value > 0
+    reasons = {found[above_atmosphere(name)].reason for name in COMPRESSIONS}
+    assert reasons == {"the vacuum in the liner is not known"}
 
 
 def test_sigma_is_never_less_than_the_model_s_share(even):
@@ -140,17 +184,18 @@ def test_sigma_is_never_less_than_the_model_s_share(even):
     assert mean.sigma > COMPRESSION_SHARE * mean.value
 
 
-def test_without_the_pressure_that_stops_the_flow_there_is_no_overpressure():
+def test_without_the_pressure_that_stops_the_flow_there_is_none_beyond_it():
     found = found_of(cycle([closed()] * 6), flow_stop=None)
-    assert np.isnan(found["overpressure_kpa"].value)
-    assert "flow_stop was not given" in found["overpressure_kpa"].reason
+    assert np.isnan(found[BEYOND_FLOW_STOP].value)
+    assert "flow_stop was not given" in found[BEYOND_FLOW_STOP].reason
 
 
 def test_without_the_teat_s_end_only_what_needs_it_is_missing():
     found = found_of(cycle([closed(below=False)] * 6))
     missing = {name for name, one in found.items() if one.reason}
-    assert missing == {"liner_compression_teat_end_kpa", "teat_end_x_mm", "overpressure_kpa"}
-    assert "nowhere do opposite walls meet" in found["overpressure_kpa"].reason
+    at_end = "liner_compression_teat_end_kpa"
+    assert missing == {at_end, above_atmosphere(at_end), "teat_end_x_mm", BEYOND_FLOW_STOP}
+    assert "nowhere do opposite walls meet" in found[BEYOND_FLOW_STOP].reason
 
 
 def test_without_a_teat_every_pressure_says_so():
@@ -178,13 +223,13 @@ def test_sigma_of_the_mean_is_that_of_errors_that_are_drawn():
         off = profile.compression_kpa.value + root @ rng.normal(size=len(X_MM))
         noisy = profile._replace(compression_kpa=profile.compression_kpa._replace(value=off))
         drawn.append(found_of(cycle([noisy] * 6)))
-    for name in ("liner_compression_mean_kpa", "liner_compression_teat_end_kpa", "overpressure_kpa"):
+    for name in ("liner_compression_mean_kpa", "liner_compression_teat_end_kpa", BEYOND_FLOW_STOP):
         values = np.array([one[name].value for one in drawn])
         # The σ of the model, of what stops the flow, and of the end's height are in it but were not drawn.
         end_mm = drawn[0]["teat_end_x_mm"]
         limits_kpa = np.interp([end_mm.value - 10, end_mm.value], X_MM, profile.compression_kpa.value)
         end = 0.0 if name == "liner_compression_mean_kpa" else np.diff(limits_kpa)[0] / 10 * end_mm.sigma
-        stop = FLOW_STOP if name == "overpressure_kpa" else Estimate(0.0, 0.0)
+        stop = FLOW_STOP if name == BEYOND_FLOW_STOP else Estimate(0.0, 0.0)
         model = COMPRESSION_SHARE * (drawn[0][name].value + stop.value)
         sigma = np.sqrt(drawn[0][name].sigma ** 2 - model**2 - stop.sigma**2 - end**2)
         assert 0.7 < values.var() / sigma**2 < 1.4
@@ -192,7 +237,8 @@ def test_sigma_of_the_mean_is_that_of_errors_that_are_drawn():
 
 @pytest.mark.parametrize("wall", ["reference-round", "reference-pointed", "reference-blunt"])
 def test_a_wall_solved_as_a_solid_has_its_teat_s_end_load_and_compression_found(wall):
-    found = found_of(cycle([solved_profiles(wall)[-1]] * 6))
+    liner_kpa = LINER._replace(value=np.full(20, LinerOptions(wall).wave.liner_kpa))
+    found = found_of(cycle([solved_profiles(wall)[-1]] * 6), liner_kpa=liner_kpa)
     true = closed_liner_quantities(LinerOptions(wall), [DIFFERENCES_KPA[-1]])
     for name, true_value in true.items():
         if name in found:

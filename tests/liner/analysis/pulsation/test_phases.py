@@ -8,7 +8,7 @@ from drivers.fake.iso_phases import iso_phases_s
 from grabberd.errors import AnalysisError
 from grabberd_fake.vacuum import vacuum_log
 from grabberd_liner.analysis.pulsation.movement import first_movement
-from grabberd_liner.analysis.pulsation.phases import iso_phases, wall_phases
+from grabberd_liner.analysis.pulsation.phases import LASER_MM, iso_phases, wall_phases
 from grabberd_liner.analysis.pulsation.pulsation import fit_pulsation
 from grabberd_liner.analysis.vacuum.vacuum_log import VacuumLog, read_vacuum_log
 from liner.analysis.pulsating import FIELD_S, LINER, capture, liner, times
@@ -20,13 +20,14 @@ def log(seconds=8, noise_kpa=0.0, options=LINER, **more):
     )
 
 
-def movement_phases(options):
+def movement_phases(options, from_end_mm=None):
     """Wall phases of the exact movement, a field each millisecond."""
     period_s = liner(**options).period_s
     (movement,) = first_movement([capture(np.arange(0, period_s, 0.001), 1e-6, **options)])
     value = (movement.value_mm - movement.value_mm.min()) / np.ptp(movement.value_mm)
-    passed = [np.interp(level, value[:300], movement.time_s[:300]) for level in (0.1, 0.9)]
-    passed += [np.interp(-level, -value[300:], movement.time_s[300:]) for level in (0.9, 0.1)]
+    share = 0.1 if from_end_mm is None else from_end_mm / np.ptp(movement.value_mm)
+    passed = [np.interp(level, value[:300], movement.time_s[:300]) for level in (share, 1 - share)]
+    passed += [np.interp(-level, -value[300:], movement.time_s[300:]) for level in (1 - share, share)]
     return np.diff([*passed, passed[0] + period_s])
 
 
@@ -60,10 +61,39 @@ def test_no_wall_phase_is_known_better_than_the_fields_fall_into_it() -> None:
     assert (between < whole / 3).all()
 
 
+def test_wall_phases_by_a_millimetre_are_those_of_the_exact_movement() -> None:
+    found = wall_phases(fit_pulsation(first_movement([capture(times(200), period_s=0.975)])), LASER_MM)
+    assert_allclose(found.durations_s.value, movement_phases({"period_s": 0.975}, LASER_MM), atol=1.5e-3)
+    assert found.durations_s.value.sum() == pytest.approx(found.period_s.value)
+    assert (found.durations_s.sigma < 1e-3).all()
+
+
+@pytest.mark.parametrize("closing", [0.04, 0.09])
+def test_sigma_of_the_times_by_a_millimetre_is_that_of_their_errors(closing) -> None:
+    options = {"period_s": 0.975, "opening": 1.4 * closing, "closing": closing}
+    true = movement_phases(options, LASER_MM)
+    off = []
+    for seed in range(12):
+        movements = first_movement([capture(times(150), 0.05, seed=seed, **options)])
+        found = wall_phases(fit_pulsation(movements), LASER_MM).durations_s
+        off.append((found.value - true) / found.sigma)
+    assert np.mean(np.square(off)) < 1.4
+
+
+def test_a_stroke_of_two_millimetres_has_no_times_by_a_millimetre() -> None:
+    pulsation = fit_pulsation(first_movement([capture(times(200))]))
+    half_mm = float(pulsation.stroke_mm.value) / 2
+    with pytest.raises(AnalysisError, match="leaves nothing between"):
+        wall_phases(pulsation, half_mm)
+
+
 @pytest.mark.slow
-def test_wall_phases_scatter_by_their_sigma() -> None:
+@pytest.mark.parametrize("threshold_mm", [None, LASER_MM])
+def test_wall_phases_scatter_by_their_sigma(threshold_mm) -> None:
     found = [
-        wall_phases(fit_pulsation(first_movement([capture(times(150), 0.08, seed=k, period_s=0.975)])))
+        wall_phases(
+            fit_pulsation(first_movement([capture(times(150), 0.08, seed=k, period_s=0.975)])), threshold_mm
+        )
         for k in range(8)
     ]
     durations = np.array([one.durations_s.value for one in found])

@@ -6,6 +6,7 @@ import pytest
 from grabberd_liner.analysis.estimate import Estimate
 from grabberd_liner.analysis.pulsation.phases import (
     lag_quantities,
+    laser_quantities,
     movement_quantities,
     vacuum_quantities,
     wall_quantities,
@@ -31,7 +32,9 @@ def test_the_vacuum_has_phases_and_the_pulsator_s_ratio():
     )
 
 
-@pytest.mark.parametrize("quantities", [wall_quantities, vacuum_quantities, movement_quantities])
+@pytest.mark.parametrize(
+    "quantities", [wall_quantities, laser_quantities, vacuum_quantities, movement_quantities]
+)
 def test_what_is_not_known_says_why(quantities):
     found = quantities(None, "the wall flutters")
     assert {one.reason for one in found} == {"the wall flutters"}

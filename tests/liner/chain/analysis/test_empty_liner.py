@@ -12,7 +12,8 @@ from grabberd_liner.analysis.pulsation.movement import TimedPoints
 from grabberd_liner.analysis.wall.material import read_zones
 from grabberd_liner.chain.analysis.analyse import analyse
 from grabberd_liner.chain.analysis.inputs import read_inputs
-from grabberd_liner.chain.analysis.tables import quantities, tables
+from grabberd_liner.chain.analysis.quantities import quantities
+from grabberd_liner.chain.analysis.tables import tables
 from grabberd_liner.chain.analysis.wall_state import FieldPoints
 from liner.analysis.ramps import BROAD, empty
 

@@ -66,6 +66,14 @@ def test_each_says_which_version_of_which_profile_it_comes_from() -> None:
     assert sources["flow_stop"] == "cow profile 112, version 3"
 
 
+def test_a_cup_says_what_its_sensor_reads_while_milk_flows_where_that_was_recorded() -> None:
+    cup = {**CUP, "milk_flow": "low"}
+    assert "milk_flow" not in resolved(LINER, cup).inputs
+    found = resolved(LINER, cup, recorded=("pulsation", "liner", "flow"))
+    assert found.inputs["milk_flow"] == "low"
+    assert found.sources["milk_flow"].startswith("cup profile")
+
+
 def test_what_is_given_wins() -> None:
     other = {**MATERIAL, "E_mpa": 2.0}
     given = {"material": other, "phases": 8, "vacuum": {"liner": {"kpa": 40, "sigma_kpa": 1}}}

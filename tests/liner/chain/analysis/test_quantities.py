@@ -5,13 +5,18 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from core.chain.milking import CLOSED_S, CONSTANT, OPEN_S, analysed, field, inputs, log, still
+from core.chain.milking import CLOSED_S, CONSTANT, FAKE, OPEN_S, analysed, field, grid, inputs, log, still
 from grabberd.errors import InputError
+from grabberd_fake.vacuum import pulsation_kpa
 from grabberd_liner.analysis.estimate import Estimate
 from grabberd_liner.analysis.load.pressure import PressureMap
+from grabberd_liner.analysis.vacuum.milk_flow import FlowCurve
+from grabberd_liner.analysis.vacuum.vacuum import ChannelCurve
 from grabberd_liner.chain.analysis.analysis_document import analysis_document
 from grabberd_liner.chain.analysis.columns import TABLES
-from grabberd_liner.chain.analysis.tables import QUANTITY_COLUMNS, quantities, tables
+from grabberd_liner.chain.analysis.inputs import read_inputs
+from grabberd_liner.chain.analysis.quantities import quantities
+from grabberd_liner.chain.analysis.tables import QUANTITY_COLUMNS, tables
 from liner.analysis.load.profiles import TEAT_END_MM, X_MM, closed
 
 FIELDS = [field(n) for n in range(62)]
@@ -22,6 +27,12 @@ LOGGED = {
     "offset": {"s": -0.3, "sigma_s": 0.001},
 }
 LAGS = {"opening_lag_s", "closing_lag_s"}
+OF_MILK_FLOW = {
+    "flow_duration_s",
+    *(f"{what}_{way}_kpa" for what in ("flow_stop", "overpressure") for way in ("derived", "raised")),
+}
+OF_THE_MAP = {"flow_stop_map_kpa", "overpressure_map_kpa"}
+BOTH = "overpressure_disagreement_kpa"
 OF_A_RAMP = {"touch_kpa", "buckling_kpa", "stiffness_n_mm", "E_mpa", "wall_mm", "F0_n"}
 
 
@@ -54,7 +65,7 @@ def by_name(analysis):
 
 def test_with_a_load_every_quantity_of_a_milking_has_a_value_and_sigma(loaded):
     found = by_name(loaded)
-    for name in found.keys() - LAGS - OF_A_RAMP:
+    for name in found.keys() - LAGS - OF_A_RAMP - OF_MILK_FLOW - OF_THE_MAP - {BOTH}:
         one = found[name]
         assert np.isfinite(one.value), one
         assert one.sigma > 0, one
@@ -116,7 +127,62 @@ def test_a_wall_that_rests_has_no_quantities_and_says_so():
         "the pulsation chamber's vacuum is not known as a curve: its phases have no durations",
         "the vacuum has no clock that a light, or the capture itself, relates to the camera's",
         "the capture is no ramp with the empty liner",
+        "the vacuum on both sides of the wall is not known",
+        "flow_stop was not given: the contact pressure at the teat's end at which milk just stops flowing",
+        "only one way to the overpressure, or none, has a result",
     }
+
+
+@pytest.fixture(scope="module")
+def milking():
+    """Three cycles with a log and without material."""
+    given = LOGGED | {"log": log(2.6, start_s=-0.3)}
+    return analysed([field(n) for n in range(112)], reference="nominal", vacuum=given, phases=4)
+
+
+def test_milk_flow_gives_the_derived_overpressure(milking):
+    time_s = np.arange(-0.25, 2.25, 1e-3)
+    difference_kpa = FAKE.ellipse.wave.liner_kpa - pulsation_kpa(FAKE.ellipse, time_s)
+    level = np.clip((34.0 - difference_kpa) / 2.0 + 0.5, 0.0, 1.0)
+    found = by_name(replace(milking, inputs=replace(milking.inputs, milk_flow=FlowCurve(time_s, level))))
+    assert found["flow_stop_derived_kpa"].value == pytest.approx(34.0, abs=0.1)
+    assert found["overpressure_derived_kpa"].value == pytest.approx(8.0, abs=0.1)
+    assert found["overpressure_derived_kpa"].sigma < 0.2
+    assert "pulsates instead of being raised" in found["overpressure_raised_kpa"].reason
+    assert found[BOTH].reason == "only one way to the overpressure, or none, has a result"
+
+
+def test_what_a_way_lacks_is_said(milking):
+    found = by_name(milking)
+    assert {found[name].reason.partition(":")[0] for name in OF_MILK_FLOW} == {"milk_flow was not given"}
+    assert {found[name].reason.partition(":")[0] for name in OF_THE_MAP} == {"flow_stop was not given"}
+
+
+def test_the_map_s_overpressure_needs_states_that_are_pressed_differently(loaded):
+    """All phases have the same load here, so none is below the occlusion pressure."""
+    assert "never passes the 9 kPa of flow_stop" in by_name(loaded)["overpressure_map_kpa"].reason
+
+
+def test_compression_is_also_given_above_atmosphere(loaded):
+    found, liner_kpa = by_name(loaded), FAKE.ellipse.wave.liner_kpa
+    for name in ("liner_compression_mean", "liner_compression_teat_end", "massage_pressure"):
+        above = found[f"{name}_above_atmosphere_kpa"]
+        assert above.value == pytest.approx(found[f"{name}_kpa"].value - liner_kpa, abs=0.1)
+    table, first = tables(loaded)["phase_profile"], slice(len(X_MM))
+    column = "compression_above_atmosphere_kpa"
+    assert table.column(column)[first] == pytest.approx(
+        table.column("compression_kpa")[first] - liner_kpa, abs=0.1
+    )
+    assert (table.column(f"sigma_{column}") >= table.column("sigma_compression_kpa")).all()
+
+
+def test_the_wall_is_timed_by_a_millimetre_too(plain):
+    found = by_name(plain)
+    words = ("opening", "open", "closing", "closed")
+    assert sum(found[f"liner_{word}_1mm_s"].value for word in words) == pytest.approx(0.6, abs=0.005)
+    # A millimetre is more than a tenth of this stroke.
+    assert found["stroke_mm"].value < 10
+    assert found["liner_closing_1mm_s"].value < found["liner_closing_s"].value
 
 
 def test_the_table_has_a_row_for_each_with_its_definition(loaded):
@@ -162,6 +228,21 @@ def test_the_document_holds_the_quantities_and_the_mean_cycle_s_load(loaded):
 def test_the_pressure_that_stops_the_flow_is_an_input():
     assert inputs(flow_stop={"kpa": 9, "sigma_kpa": 1}).flow_stop_kpa == (9, 1)
     assert inputs().flow_stop_kpa is None
+
+
+@pytest.mark.parametrize(("flowing", "sense"), [("high", 1.0), ("low", -1.0)])
+def test_the_reading_while_milk_flows_is_an_input(flowing, sense):
+    readings = np.arange(20.0)
+    channel = ChannelCurve("flow", readings / 200, readings, 0.0, 0.0, "a sensor")
+    found = read_inputs({"milk_flow": flowing}, grid(), {"flow": channel}).milk_flow
+    assert (found.level == sense * readings).all()
+
+
+def test_milk_flow_without_a_channel_or_with_another_reading_is_refused():
+    with pytest.raises(InputError, match="no readings of a channel flow"):
+        inputs(milk_flow="high")
+    with pytest.raises(InputError, match="milk_flow"):
+        inputs(milk_flow="up")
 
 
 @pytest.mark.parametrize(

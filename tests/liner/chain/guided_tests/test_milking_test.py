@@ -5,9 +5,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from core.chain.milking import analysed, field, log
+from core.chain.milking import FAKE, analysed, field, log
+from grabberd_fake.vacuum import pulsation_kpa
 from grabberd_liner.analysis.estimate import Estimate
 from grabberd_liner.analysis.load.pressure import PressureMap
+from grabberd_liner.analysis.vacuum.milk_flow import FlowCurve
 from grabberd_liner.chain.analysis.tables import tables
 from grabberd_liner.chain.guided_tests.milking_test import milking_test
 from liner.analysis.load.profiles import closed
@@ -50,10 +52,11 @@ def with_misfit(plain, misfit):
 def test_a_milking_whose_load_is_known_has_all_quantities(loaded):
     outcome = judged(loaded)
     found = by_name(outcome)
-    known = ("load_known", "teat_end_seen", "overpressure_known", "times_known", "columns_seen", "misfit")
+    known = ("load_known", "teat_end_seen", "times_known", "columns_seen", "misfit")
     assert {found[name].verdict for name in known} == {"passed"}
     names = {one.quantity.name for one in outcome.findings if np.isfinite(one.value)}
-    assert {"liner_compression_mean_kpa", "overpressure_kpa", "teat_load_n", "liner_closing_s"} <= names
+    assert {"liner_compression_mean_kpa", "teat_load_n", "liner_closing_s", "liner_closing_1mm_s"} <= names
+    assert {"liner_compression_teat_end_above_atmosphere_kpa", "teat_end_beyond_flow_stop_kpa"} <= names
     assert outcome.curves[0].name == "compression"
 
 
@@ -64,11 +67,27 @@ def test_without_material_the_load_fails_and_says_why(plain):
     assert by_name(judged(plain))["misfit"].verdict == "not checked"
 
 
-def test_without_a_flow_stop_overpressure_is_not_checked(loaded):
+def test_without_milk_flow_and_flow_stop_overpressure_is_not_checked(loaded):
     lacking = replace(loaded, inputs=replace(loaded.inputs, flow_stop_kpa=None))
     check = by_name(judged(lacking))["overpressure_known"]
     assert check.verdict == "not checked"
-    assert "cow's profile" in check.reason
+    assert "milk_flow was not given" in check.reason
+    assert "cow's" in check.reason
+
+
+def test_an_overpressure_that_was_asked_for_and_not_found_fails(loaded):
+    check = by_name(judged(loaded))["overpressure_known"]
+    assert check.verdict == "failed"
+    assert check.reason.startswith("the contact pressure at the teat's end")
+
+
+def test_one_way_to_the_overpressure_is_enough():
+    given = LOGGED | {"log": log(2.6, start_s=-0.3)}
+    plain = analysed([field(n) for n in range(112)], reference="nominal", vacuum=given, phases=4)
+    time_s = np.arange(-0.25, 2.25, 1e-3)
+    flows = np.clip((pulsation_kpa(FAKE.ellipse, time_s) - 8.0) / 2 + 0.5, 0, 1)
+    milking = replace(plain, inputs=replace(plain.inputs, milk_flow=FlowCurve(time_s, flows)))
+    assert by_name(judged(milking))["overpressure_known"].verdict == "passed"
 
 
 def test_a_misfit_that_says_the_inputs_are_wrong_fails(plain):

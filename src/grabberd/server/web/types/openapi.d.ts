@@ -755,7 +755,7 @@ export interface paths {
         /**
          * Get a table of an analysis
          * @description One table with all its rows, such as targets, triangles or edges; the reference of the analysis tables
-         *     describes every column. The file name says so if the analysis has outdated pressures.
+         *     describes every column. The file name says so if the analysis has outdated pressures or overpressure.
          */
         get: operations["get_analysis_table"];
         put?: never;
@@ -2070,6 +2070,12 @@ export interface components {
              */
             outdated_pressure?: boolean;
             /**
+             * Outdated Overpressure
+             * @description True if its files say `overpressure_kpa` for `teat_end_beyond_flow_stop_kpa`: a contact pressure, and no pressure difference.
+             * @default false
+             */
+            outdated_overpressure?: boolean;
+            /**
              * Problem
              * @description Why the analysis cannot be used.
              */
@@ -2611,7 +2617,7 @@ export interface components {
             created_utc?: string | null;
             /**
              * Quantities
-             * @description Its main quantities with their standard deviations, those alone that were found: liner compression, overpressure, teat load, opening and closing time, rate, ratio and stroke; of a ramp with the empty liner touch point and critical collapsing pressure difference and bending stiffness; empty for an analysis of an earlier version.
+             * @description Its main quantities with their standard deviations, those alone that were found: liner compression above the gas in the liner and above atmosphere, overpressure, teat load, opening and closing time, rate, ratio and stroke; of a ramp with the empty liner touch point and critical collapsing pressure difference and bending stiffness; empty for an analysis of an earlier version.
              */
             quantities?: components["schemas"]["QuantityDocument"][];
             /** @description Why the analysis came to nothing. */
@@ -3862,6 +3868,11 @@ export interface components {
              * @description σ of the gauge's zero: `vacuum.gauge_sigma_kpa`.
              */
             gauge_sigma_kpa?: number | null;
+            /**
+             * Milk Flow
+             * @description What its sensor in the short milk tube reads while milk flows: `milk_flow`.
+             */
+            milk_flow?: ("high" | "low") | null;
         };
         /**
          * Dating
@@ -3914,7 +3925,7 @@ export interface components {
             created_utc?: string | null;
             /**
              * Quantities
-             * @description Its main quantities with their standard deviations, those alone that were found: liner compression, overpressure, teat load, opening and closing time, rate, ratio and stroke; of a ramp with the empty liner touch point and critical collapsing pressure difference and bending stiffness; empty for an analysis of an earlier version.
+             * @description Its main quantities with their standard deviations, those alone that were found: liner compression above the gas in the liner and above atmosphere, overpressure, teat load, opening and closing time, rate, ratio and stroke; of a ramp with the empty liner touch point and critical collapsing pressure difference and bending stiffness; empty for an analysis of an earlier version.
              */
             quantities?: components["schemas"]["QuantityDocument"][];
             /** @description Why the analysis came to nothing. */
@@ -4310,7 +4321,7 @@ export interface components {
         };
         /**
          * FlowStopDocument
-         * @description Pressure on the teat's end at which milk just stops flowing.
+         * @description Contact pressure at the teat's end, above the gas in the liner, at which milk just stops flowing.
          */
         FlowStopDocument: {
             /**
@@ -4976,7 +4987,7 @@ export interface components {
             offer?: components["schemas"]["ProfileOffer"] | null;
         };
         /** @enum {string} */
-        LinerTestKind: "reference" | "ramp" | "milking" | "artificial-teat" | "wear";
+        LinerTestKind: "reference" | "ramp" | "milking" | "artificial-teat" | "overpressure" | "wear";
         /**
          * LinerTestList
          * @description A page of the tests, newest first.
@@ -6290,10 +6301,10 @@ export interface components {
         };
         /**
          * Quantity
-         * @description Quantity that a channel measures: vacuum in kPa below atmosphere, or the light that relates clocks.
+         * @description Quantity that a channel measures: vacuum in kPa below atmosphere, or a level in any unit.
          * @enum {string}
          */
-        Quantity: "pulsation" | "liner" | "mouthpiece" | "milk_line" | "light";
+        Quantity: "pulsation" | "liner" | "mouthpiece" | "milk_line" | "light" | "flow";
         /**
          * QuantityDocument
          * @description One of the field's own quantities, as in the table `quantities`, whose rows have its definition.

@@ -10,7 +10,7 @@ import { verdictBadge } from "./verdicts.js";
 /** @import { Capture, QuantityStudied, Study } from "types/documents" */
 
 /** Shown before all are asked for. */
-const MAIN = ["liner_compression_mean_kpa", "overpressure_kpa", "teat_load_n", "stroke_mm", "rate_per_min", "wall_ratio", "touch_kpa", "buckling_kpa", "stiffness_n_mm"];
+const MAIN = ["liner_compression_mean_kpa", "liner_compression_mean_above_atmosphere_kpa", "overpressure_derived_kpa", "overpressure_raised_kpa", "overpressure_map_kpa", "teat_load_n", "stroke_mm", "rate_per_min", "wall_ratio", "touch_kpa", "buckling_kpa", "stiffness_n_mm"];
 
 /** @param {Context} context @param {Study} study @param {Capture[]} captures those that were chosen */
 export function createQuantities(context, study, captures) {

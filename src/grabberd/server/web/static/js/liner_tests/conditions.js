@@ -80,7 +80,7 @@ function vacuum(name, device, loggers, recipe) {
 /** What a recipe asks of a chamber. @param {"pulsation" | "liner"} name @param {Recipe["kind"]} kind @returns {"none" | "milking" | "open"} */
 function wanted(name, kind) {
   if (kind === "reference" || kind === "artificial-teat") return "none";
-  return name === "liner" && (kind === "ramp" || kind === "milking") ? "milking" : "open";
+  return name === "liner" && (kind === "ramp" || kind === "milking" || kind === "overpressure") ? "milking" : "open";
 }
 
 /** @param {"pulsation" | "liner"} name @param {number} kpa @param {Recipe["kind"]} kind @returns {Condition["level"]} */

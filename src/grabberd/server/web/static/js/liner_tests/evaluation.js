@@ -53,7 +53,7 @@ export function createEvaluation(context, recipe) {
 
   /** Newest first. @param {string} liner */
   async function capturesOf(liner) {
-    const ofKind = kind === "wear" ? OF_WEAR : [kind, REFERENCE];
+    const ofKind = kind === "wear" ? OF_WEAR : kind === "artificial-teat" ? [kind, REFERENCE] : [kind];
     const asked = [["measured", "true"], ["limit", String(MOST)], ["label", `liner=${liner}`], ...ofKind.map((test) => ["label", `test=${test}`])];
     const { captures } = await api.get(`/captures?${new URLSearchParams(asked)}`);
     return captures.filter((one) => one.state === "sealed");

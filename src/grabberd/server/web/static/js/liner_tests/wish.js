@@ -33,6 +33,7 @@ export const NUMBERS = {
   ramp: [asked("milkings", "", 100)],
   milking: [asked("milkings", "", 100)],
   "artificial-teat": [asked("known_kpa", "kPa", 2, true), asked("known_sigma_kpa", "kPa", 0.1)],
+  overpressure: [],
   wear: [],
 };
 
