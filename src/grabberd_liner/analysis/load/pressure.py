@@ -234,8 +234,8 @@ _BULGE_MM = 0.5
 """A closed wall whose middle has moved outward by more than that has folded across the view."""
 _FAR = "no targets near enough"
 _ACROSS = (
-    "the wall bulges towards the cameras: it presses the teat from the sides, which no camera sees; turn the liner"
-    " by a quarter"
+    "the wall bulges towards the cameras: it presses the teat from the sides, which no camera sees; turn the"
+    " liner by a quarter"
 )
 _EMPTY = "opposite walls meet wherever the liner presses: it presses itself, there is no teat in it"
 
