@@ -18,6 +18,7 @@ phases: 24                              number of states of the mean cycle
 sought_kpa: 1                           smallest pressure that the map has to resolve
 unseen: free                            or mirrored: the half of the wall that no camera sees
 flow_stop: {kpa: 9, sigma_kpa: 1}       pressure on the teat's end at which milk just stops flowing
+agreement: {table: "…", state: greatest, …}   pressures by another method; see `read_other_method`
 average: 10                             fields of a still wall that become one, their mean; n counts the means
 """
 
@@ -35,6 +36,7 @@ from grabberd_liner.analysis.load.pressure import UNSEEN
 from grabberd_liner.analysis.surface.sections import Plane, symmetry_plane
 from grabberd_liner.analysis.vacuum.vacuum import ChannelCurve
 from grabberd_liner.analysis.wall.material import Zone, read_zones
+from grabberd_liner.chain.analysis.agreement import OtherMethod, read_other_method
 
 KEYS = (
     "reference",
@@ -47,6 +49,7 @@ KEYS = (
     "sought_kpa",
     "unseen",
     "flow_stop",
+    "agreement",
     "average",
 )
 CHAMBERS = ("pulsation", "liner")
@@ -103,6 +106,7 @@ class AnalysisInputs:
         flow_stop_kpa: contact pressure at the teat's end at which milk just stops flowing; None: no
             overpressure.
         channels: what was recorded with the capture itself, by name.
+        other_method: that the pressure is compared with; None: there is none.
         average: number of fields that become one, their mean; 1 leaves them as they are.
         unmet: what profiles were asked for and could not give, in sentences.
     """
@@ -120,6 +124,7 @@ class AnalysisInputs:
     homologous: bool = True
     flow_stop_kpa: Estimate | None = None
     channels: Mapping[str, ChannelCurve] = field(default_factory=dict)
+    other_method: OtherMethod | None = None
     average: int = 1
     unmet: tuple[str, ...] = ()
 
@@ -168,6 +173,7 @@ class _Stated(NamedTuple):
     flow_stop_kpa: Estimate | None
     empty: bool
     average: int
+    other_method: OtherMethod | None
 
 
 def read_inputs(
@@ -201,6 +207,7 @@ def read_inputs(
         homologous=grid.homologous,
         flow_stop_kpa=stated.flow_stop_kpa,
         channels=channels or {},
+        other_method=stated.other_method,
         average=stated.average,
     )
 
@@ -229,8 +236,9 @@ def _stated(reading: Reading, document: Mapping[str, Any]) -> _Stated:
     empty = _empty(reading, document)
     average = reading.integer(document, "average", least=1) if "average" in document else 1
     material = reading.mapping(document, "material") if "material" in document else {}
+    other = read_other_method(reading, document.get("agreement"))
     return _Stated(
-        reference, material, vacuum, plane, heights, phases, sought, unseen, flow_stop, empty, average
+        reference, material, vacuum, plane, heights, phases, sought, unseen, flow_stop, empty, average, other
     )
 
 
