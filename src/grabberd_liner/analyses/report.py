@@ -214,7 +214,7 @@ def _along(places: Columns) -> Iterator[Mapping[str, Any]]:
         yield _curve(style, title, at * _ALONG_MM, mean, sigma) | {
             "x_title": "along the teat, x",
             "x_unit": "mm",
-            "y_title": "pressure, mean round the teat",
+            "y_title": "mean round the teat",
         }
 
 

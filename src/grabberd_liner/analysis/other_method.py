@@ -154,12 +154,12 @@ _SCANNED = (1.0, 5.0)
 _OVERLAP = 0.6
 """Share of the largest overlap that offsets have to have which are looked at: few places always agree."""
 _WAYS, _UNITS = ("along", "round"), ("mm", "°")
-_KEYS = ("along: {mm: …, sigma_mm: …}", "round: {deg: …, sigma_deg: …}")
+_KEYS = ("along: {x_mm: …, sigma_mm: …}", "round: {deg: …, sigma_deg: …}")
 _POWERS, _ALIKE = 4, 0.7
 """Polynomial across a way that is taken out of map and record, and the correlation that is left at least."""
 _REVERSED, _UNEXPLAINED = 0.5, 3.0
 """Scatter of reversed places, as a share of that of the others, from which on they are taken to be reversed,
-and χ² over its degrees of freedom from which on that is looked at."""
+and the least scatter, in σ², for which that is looked at."""
 
 
 def overlay(teat: TeatMap, record: Record, offsets: Offsets) -> Overlay:
@@ -169,16 +169,18 @@ def overlay(teat: TeatMap, record: Record, offsets: Offsets) -> Overlay:
         AnalysisError: too few places are in the supported part of the map, or the data do not determine the
             offsets.
     """
-    at, scatter = _start(teat, record, offsets)
+    at = _start(teat, record, offsets)
     estimated = offsets.estimated
-    for _ in range(_STEPS):
-        local = _Local.at(teat, record, at, offsets)
+    among = np.ones(len(record.along_mm), np.bool_)
+    for count in range(_STEPS):
+        local = _Local.at(teat, record, at, offsets, among)
+        # Places at the border of the map, which are in and out by turns, would keep the offsets moving.
+        among = local.inside if count >= _STEPS // 4 else among
         step = np.zeros(2)
         if estimated:
             step[estimated] = np.clip(local.step, -_LONGEST[estimated], _LONGEST[estimated])
         if (np.abs(step) < _SETTLED).all():
             found = local.overlay(record, at, offsets)
-            _check_direction(teat, record, offsets, scatter, found)
             _check_determined(found)
             return found
         at = at + step
@@ -209,8 +211,8 @@ class _Local(NamedTuple):
     normal: Array
 
     @classmethod
-    def at(cls, teat: TeatMap, record: Record, at: Array, offsets: Offsets) -> "_Local":
-        """Linearises.
+    def at(cls, teat: TeatMap, record: Record, at: Array, offsets: Offsets, among: Mask) -> "_Local":
+        """Linearises, with no other places than those of a choice (M,).
 
         Raises:
             AnalysisError: the places are too few, or do not determine the offsets.
@@ -220,6 +222,7 @@ class _Local(NamedTuple):
             [_weights(teat, record, at + side * np.eye(2)[k] * _BESIDE[k]) for side in (-1, 1)]
             for k in (0, 1)
         ]
+        inside = inside & among
         for k in offsets.estimated:
             inside = inside & sides[k][0][1] & sides[k][1][1]
         _check_overlap(teat, record, at, inside)
@@ -335,15 +338,31 @@ def _give(offsets: list[int]) -> str:
     return f"measure where the table's origin lies, and give it: {', '.join(_KEYS[one] for one in offsets)}"
 
 
-def _start(teat: TeatMap, record: Record, offsets: Offsets) -> tuple[Array, float]:
-    """Offsets to begin with, and the scatter of the differences there: the least of many that were tried."""
+def _start(teat: TeatMap, record: Record, offsets: Offsets) -> Array:
+    """Offsets to begin with: of many that are tried, those with the least scatter of the differences.
+
+    Raises:
+        AnalysisError: places seem to count the other way, which no offset can mend.
+    """
+    at, scatter = _least(teat, record, offsets)
+    if offsets.x_mm is None and scatter > _UNEXPLAINED:
+        _, reversed_scatter = _least(teat, record._replace(along_mm=-record.along_mm), offsets)
+        if reversed_scatter < _REVERSED * scatter:
+            raise AnalysisError(
+                "along_mm of the other method's table seems to count the other way: reversed, differences "
+                f"scatter {np.sqrt(scatter / reversed_scatter):.1f} times less",
+                "let along_mm grow as x of the object's frame does",
+            )
+    return at
+
+
+def _least(teat: TeatMap, record: Record, offsets: Offsets) -> tuple[Array, float]:
+    """The offsets with the least scatter, and that."""
     low, high = teat.reach
-    first, last = low[0] - record.along_mm.max(), high[0] - record.along_mm.min()
+    reach = (low[0] - record.along_mm.max(), high[0] - record.along_mm.min()), (-_FARTHEST_DEG, _FARTHEST_DEG)
     along, turns = (
         [float(given.value)] if given else np.arange(start, stop + step / 2, step).tolist()
-        for given, (start, stop), step in zip(
-            offsets, ((first, last), (-_FARTHEST_DEG, _FARTHEST_DEG)), _SCANNED, strict=True
-        )
+        for given, (start, stop), step in zip(offsets, reach, _SCANNED, strict=True)
     )
     tried = np.array([(x, turn) for x in along for turn in turns])
     found = np.array([_scatter(teat, record, one) for one in tried])
@@ -353,25 +372,12 @@ def _start(teat: TeatMap, record: Record, offsets: Offsets) -> tuple[Array, floa
 
 
 def _scatter(teat: TeatMap, record: Record, at: Array) -> tuple[float, int]:
-    """Mean weighted square of the differences about their mean, by the record's σ alone; number of places."""
+    """Mean weighted square of the differences about their mean, and the number of places."""
     points = record._replace(cell_mm=np.zeros_like(record.cell_mm))
     weights, inside = _weights(teat, points, at)
     if inside.sum() < LEAST_PLACES:
         return np.inf, int(inside.sum())
     apart = (weights @ teat.contact_kpa.value - record.pressure_kpa)[inside]
-    weight = record.sigma_kpa[inside] ** -2.0
-    apart = apart - np.average(apart, weights=weight)
-    return float(np.average(apart**2, weights=weight)), int(inside.sum())
-
-
-def _check_direction(teat: TeatMap, record: Record, offsets: Offsets, scatter: float, found: Overlay) -> None:
-    """Refuse places that count the other way, which offsets cannot mend."""
-    if offsets.x_mm is not None or found.chi2 < _UNEXPLAINED * found.dof:
-        return
-    _, reversed_scatter = _start(teat, record._replace(along_mm=-record.along_mm), offsets)
-    if reversed_scatter < _REVERSED * scatter:
-        raise AnalysisError(
-            "along_mm of the other method's table seems to count the other way: reversed, the differences "
-            f"scatter {np.sqrt(scatter / reversed_scatter):.1f} times less",
-            "let along_mm grow as x of the object's frame does",
-        )
+    variance = record.sigma_kpa[inside] ** 2 + float(np.diagonal(teat.contact_kpa.covariance).mean())
+    apart = apart - np.average(apart, weights=1 / variance)
+    return float(np.mean(apart**2 / variance)), int(inside.sum())

@@ -1,8 +1,8 @@
 """How far a closed liner's pressure and its sums are off, on walls drawn at random and solved as solids.
 
 `python -m tests.proofs.bench.load_accuracy --tuning` or `--held-out`. Walls that are
-not kept in `build` are solved first. `--glued` writes what more columns or rows of targets give into the table
-from which `grabberd plan` and the analysis report take it.
+not kept in `build` are solved first. `--glued FILE` writes what more columns or rows of targets give, the
+table from which `grabberd plan` and the analysis report take it.
 """
 
 import argparse
@@ -27,7 +27,7 @@ Array = NDArray[np.float64]
 PLACE, MEAN, COMPRESSION, END, LOAD, FORCE = "place", "mean", "compression", "at the end", "load", "force"
 UNITS = {PLACE: "kPa", MEAN: "kPa", COMPRESSION: "kPa", END: "kPa", LOAD: "N/m", FORCE: "N"}
 COLUMNS, NOISE_MM = (4, 6), {8: EIGHT_BITS_MM, 1: ONE_BIT_MM}
-GRIDS = ((4, 13.0), (4, PITCH_MM), (4, 3.25), (5, PITCH_MM), (6, 13.0), (6, PITCH_MM))
+GRIDS = ((4, 2 * PITCH_MM), (4, PITCH_MM), (5, PITCH_MM), (6, 2 * PITCH_MM), (6, PITCH_MM))
 """Columns of targets, and pitch of the rows in mm, for the advice on glueing them."""
 PHASE_FIELDS = 10
 """Of whose points a phase is the mean."""
@@ -226,27 +226,25 @@ def _load_share(kept: Sequence[Judged]) -> float:
 
 def write_glued(path: Path, of: str = HELD_OUT) -> None:
     """Writes the errors by `GRIDS`, a row for each, into the table of the advice on glueing targets."""
-    kept_walls = list(walls(of))
-    rows = []
-    for columns, row_pitch_mm in GRIDS:
-        found = [
-            one
-            for number, wall in enumerate(kept_walls)
-            for one in of_wall(
-                wall, columns, np.random.default_rng([SEEDS[of], number, columns]), FIRST, row_pitch_mm
-            )
-        ]
-        kept = [one for one in found if one.pairs]
-        rms = {
-            name: Figures.of(
-                *(np.concatenate(part) for part in zip(*(one.pairs[name] for one in kept), strict=True))
-            ).rms
-            for name in (MEAN, COMPRESSION)
-        }
-        errors = f"{rms[MEAN]:.2f},{rms[COMPRESSION]:.2f},{100 * _load_share(kept):.1f}"
-        rows.append(f"{columns},{row_pitch_mm:g},{len(kept)},{errors}")
-        print(rows[-1], flush=True)
+    kept = list(walls(of))
+    rows = [glued_row(kept, SEEDS[of], columns, pitch_mm) for columns, pitch_mm in GRIDS]
     path.write_text("\n".join([GLUED_HEADER, *rows]) + "\n")
+
+
+def glued_row(some: Sequence[Wall], seed: int, columns: int, row_pitch_mm: float) -> str:
+    """CSV row: RMS errors over walls with so many columns of targets, and rows so far apart."""
+    found = [
+        one
+        for number, wall in enumerate(some)
+        for one in of_wall(wall, columns, np.random.default_rng([seed, number, columns]), FIRST, row_pitch_mm)
+        if one.pairs
+    ]
+    rms = [
+        np.sqrt(np.mean(np.concatenate([one.pairs[name][0] for one in found]) ** 2))
+        for name in (MEAN, COMPRESSION)
+    ]
+    errors = ",".join(f"{one:.2f}" for one in rms)
+    return f"{columns},{row_pitch_mm:g},{len(found)},{errors},{100 * _load_share(found):.1f}"
 
 
 def _text(figures: Figures, name: str) -> str:

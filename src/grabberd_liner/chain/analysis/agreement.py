@@ -144,7 +144,7 @@ def compared(
         if model is None:
             raise AnalysisError("the analysis has no pressure", "give the inputs that it lacks")
         chosen = _chosen(other, candidates)
-        state = f"{chosen.kind} {chosen.value:g}"
+        state = f"{chosen.kind} {chosen.value:.4g}"
         laid = _laid(other, model, grid, chosen)
         found = agreement(laid.difference_kpa, laid.map_kpa, laid.other_kpa, laid.chi2, laid.dof)
     except AnalysisError as error:
