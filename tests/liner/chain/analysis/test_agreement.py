@@ -155,5 +155,5 @@ def test_given_offsets_are_read_with_their_sigma() -> None:
 
 
 def test_an_agreement_that_is_no_mapping_is_refused() -> None:
-    with pytest.raises(InputError, match=r"agreement: is .film\.csv.):
+    with pytest.raises(InputError, match=r"agreement: is .film\.csv"):
         read_inputs({"agreement": "film.csv"}, solved(LINER).grid)
