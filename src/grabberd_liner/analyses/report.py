@@ -11,6 +11,7 @@ from grabberd.reports.document import ReportForm, check_document
 from grabberd.reports.figures import require_matplotlib
 from grabberd.reports.notation import fixed, measured
 from grabberd_liner.analyses.documents import is_outdated
+from grabberd_liner.glued_targets import HEADS, TITLE, glued_targets, note, own_grid
 from grabberd_liner.reports.columns import Columns
 from grabberd_liner.reports.environment import environment
 from grabberd_liner.reports.figures import State, states_of
@@ -107,10 +108,10 @@ def values(document: Document) -> dict[str, Any]:
         "quantities": quantities,
         "closed_liner": _closed_liner(quantities),
         "agreement": _agreement(tables),
+        "glued": _glued(document["grid"]),
         "has_profile": "phase_profile" in tables and len(tables["phase_profile"]) > 0,
         "cycle_shares": _cycle_shares(tables["summary"]),
         "given": list(_given(document["inputs"]["given"])),
-        "all_columns": _all_columns(document),
     }
 
 
@@ -232,6 +233,19 @@ def _curve(style: str, title: str, x: Any, y: Any, sigma: Any) -> dict[str, Any]
     }
 
 
+def _glued(grid: Mapping[str, Any]) -> dict[str, Any]:
+    """What other grids of targets would give, with the analysis' own one marked."""
+    own = None
+    if "u_mm" in grid and len(rows_mm := np.unique(grid["u_mm"])) > 1:
+        own = own_grid(len(set(grid["column"])), float(np.diff(rows_mm).mean()))
+    cells = [(*one.cells, "as it is" if one == own else "") for one in glued_targets()]
+    return {
+        "title": TITLE,
+        "columns": list(zip((*HEADS, ""), zip(*cells, strict=True), strict=True)),
+        "note": note(),
+    }
+
+
 def _median(fields: Columns, name: str) -> float | None:
     return fields.spread(name).median if fields.is_known(name) else None
 
@@ -264,13 +278,10 @@ def _given(given: Mapping[str, Any], before: str = "") -> Iterator[tuple[str, An
             for index, inner in enumerate(value, start=1):
                 yield from _given(inner, f"{before}{key} {index}.")
         else:
-            yield f"{before}{key}", value
+            yield f"{before}{key}", _one_line(value)
 
 
-def _all_columns(document: Document) -> list[Mapping[str, Any]]:
-    """Every column once, but for those of σ."""
-    first: dict[str, Mapping[str, Any]] = {}
-    for table in [*document["tables"].values(), *(state["targets"] for state in document["states"][:1])]:
-        for column in table["columns"]:
-            first.setdefault(column["name"], column)
-    return [column for name, column in first.items() if not name.startswith("sigma_")]
+def _one_line(value: Any) -> Any:
+    """A value, but of a table its first line."""
+    lines = value.splitlines() if isinstance(value, str) else []
+    return f"{len(lines)} lines, the first of them: {lines[0]}" if len(lines) > 1 else value

@@ -194,7 +194,7 @@ class _Local(NamedTuple):
 
     Attributes:
         inside: as in `Overlay`.
-        map_kpa: the map there; `slope`: (N, 2) its change by both offsets.
+        map_kpa: the map there.
         difference: (N,) map less record; `covariance`: (N, N) by both σ and those of given offsets.
         design: (N, K + 1) slopes by the estimated offsets, and 1.
         inverse: (N, N) of the covariance; `normal`: (K + 1, K + 1) covariance of what the design's columns
@@ -203,7 +203,6 @@ class _Local(NamedTuple):
 
     inside: Mask
     map_kpa: Joint
-    slope: Array
     difference: Array
     covariance: Array
     design: Array
@@ -240,7 +239,7 @@ class _Local(NamedTuple):
         design = np.column_stack([slope[:, offsets.estimated], np.ones(len(slope))])
         normal = _inverted(design.T @ inverse @ design, offsets.estimated)
         difference = map_kpa.value - record.pressure_kpa[inside]
-        return cls(inside, map_kpa, slope, difference, total, design, inverse, normal)
+        return cls(inside, map_kpa, difference, total, design, inverse, normal)
 
     @property
     def step(self) -> Array:
