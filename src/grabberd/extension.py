@@ -29,7 +29,7 @@ class Place:
     after: str = ""
 
 
-class PlanAdvice(NamedTuple):
+class Advice(NamedTuple):
     """A table of `grabberd plan` that an extension brings.
 
     Attributes:
@@ -65,7 +65,7 @@ class Extension:
         config_check: Function that checks its part of a `Config`, by that and its file, and raises a
             `ConfigError`; empty: none.
         messages: Its `DeviceTopic`s, on which a broker is told of each device; empty: none.
-        plan: Function that gives `grabberd plan` a `PlanAdvice`, by the object model or None; empty: none.
+        advice: Function that gives `grabberd plan` an `Advice`, by the object model or None; empty: none.
     """
 
     name: str
@@ -81,7 +81,7 @@ class Extension:
     library: Mapping[str, str] = field(default_factory=dict)
     config_check: str = ""
     messages: str = ""
-    plan: str = ""
+    advice: str = ""
 
 
 @cache

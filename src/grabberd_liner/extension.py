@@ -54,5 +54,5 @@ EXTENSION = Extension(
         ),
     },
     messages="grabberd_liner.messages:DEVICE_TOPICS",
-    plan="grabberd_liner.glued_targets:plan_advice",
+    advice="grabberd_liner.glued_targets:advice",
 )

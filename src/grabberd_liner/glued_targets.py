@@ -1,4 +1,4 @@
-"""What more columns or rows of targets give for pressure and load, before they are glued.
+"""Errors of pressure and load with more columns or rows of targets, for before they are glued.
 
 The errors are those of closed walls that were solved as solids, by a program that shares nothing with the
 analysis: of single fields of 8 bit, both views seeing every target. This command writes their table:
@@ -14,7 +14,7 @@ import numpy as np
 
 from grabberd.core.reconstruction import ObjectModel
 from grabberd.errors import AnalysisError
-from grabberd.extension import PlanAdvice
+from grabberd.extension import Advice
 from grabberd_liner.analysis.grid import Grid
 
 TABLE = "glued_targets.csv"
@@ -49,7 +49,7 @@ class GluedTargets(NamedTuple):
 
     @property
     def cells(self) -> tuple[str, ...]:
-        """As shown, by `HEADS`."""
+        """The same as text, by `HEADS`."""
         errors = (f"{self.mean_kpa:.2f}", f"{self.compression_kpa:.2f}", f"{self.load_percent:.1f}")
         return (str(self.columns), f"{self.row_pitch_mm:g}", *errors)
 
@@ -71,7 +71,7 @@ def own_grid(columns: int, row_pitch_mm: float) -> GluedTargets | None:
 
 
 def note() -> str:
-    """What the figures are."""
+    """The walls and fields that the figures are of."""
     count = max(one.walls for one in glued_targets())
     return (
         f"Root mean square errors on {count} closed walls that were solved independently; single fields of "
@@ -79,7 +79,7 @@ def note() -> str:
     )
 
 
-def plan_advice(model: ObjectModel | None) -> PlanAdvice:
+def advice(model: ObjectModel | None) -> Advice:
     """The table for `grabberd plan`, with the grid of the object model marked."""
     own = None
     if model is not None:
@@ -89,4 +89,4 @@ def plan_advice(model: ObjectModel | None) -> PlanAdvice:
         except AnalysisError:
             own = None  # an object that is no liner's grid
     rows = [(*one.cells, "as it is" if one == own else "") for one in glued_targets()]
-    return PlanAdvice(TITLE, (*HEADS, ""), rows, note(), [one._asdict() for one in glued_targets()])
+    return Advice(TITLE, (*HEADS, ""), rows, note(), [one._asdict() for one in glued_targets()])

@@ -3,7 +3,7 @@
 import numpy as np
 from tests.proofs.bench.load_accuracy import GLUED_HEADER, GRIDS
 
-from grabberd_liner.glued_targets import HEADS, TABLE, glued_targets, note, own_grid, plan_advice
+from grabberd_liner.glued_targets import HEADS, TABLE, advice, glued_targets, note, own_grid
 from liner.analysis.walls import solved, solved_six
 
 
@@ -37,13 +37,13 @@ def model_of(liner):
 
 def test_the_plan_marks_the_grid_of_the_object_model() -> None:
     for liner, columns in ((solved("reference-round"), "4"), (solved_six("reference-round"), "6")):
-        advice = plan_advice(model_of(liner))
-        assert [row[:2] for row in advice.rows if row[-1]] == [(columns, "6.5")]
-        assert len(advice.heads) == len(HEADS) + 1 == len(advice.rows[0])
-        assert advice.note == note()
+        found = advice(model_of(liner))
+        assert [row[:2] for row in found.rows if row[-1]] == [(columns, "6.5")]
+        assert len(found.heads) == len(HEADS) + 1 == len(found.rows[0])
+        assert found.note == note()
 
 
 def test_without_a_grid_nothing_is_marked_and_the_figures_are_there() -> None:
-    advice = plan_advice(None)
-    assert not any(row[-1] for row in advice.rows)
-    assert np.isfinite([one["load_percent"] for one in advice.figures]).all()
+    found = advice(None)
+    assert not any(row[-1] for row in found.rows)
+    assert np.isfinite([one["load_percent"] for one in found.figures]).all()

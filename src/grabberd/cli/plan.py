@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from grabberd.core.chain.plan import Lines, Plan, PlannedPlace, PlanSettings
     from grabberd.core.geometry import NominalRig, Rig
     from grabberd.core.reconstruction import ObjectModel
-    from grabberd.extension import PlanAdvice
+    from grabberd.extension import Advice
 
 COLUMNS = ("X", "Y", "Z", "XYZ", "calibration's XYZ")
 USUAL_FRAME = "calibration-frames/paper-108.yaml"
@@ -88,7 +88,7 @@ def plan(  # noqa: PLR0913, PLR0917 - options of a command
         (name, planning.plan(rig_of(one, wanted), low, high, wanted).places[0])
         for name, one, wanted in planning.variations(nominal, settings)
     ]
-    advice = [extension.load(one.plan)(model) for one in extension.extensions() if one.plan]
+    advice = [extension.load(one.advice)(model) for one in extension.extensions() if one.advice]
     if json:
         advised = [{"title": one.title, "note": one.note, "figures": one.figures} for one in advice]
         print_json({**_document(expected, influence), "advice": advised})
@@ -156,7 +156,7 @@ def _show(expected: "Plan", influence: "Sequence[tuple[str, PlannedPlace]]") -> 
     )
 
 
-def _show_advice(advice: "PlanAdvice") -> None:
+def _show_advice(advice: "Advice") -> None:
     table = Table(*map(escape, advice.heads), title=advice.title)
     for cells in advice.rows:
         table.add_row(*cells)

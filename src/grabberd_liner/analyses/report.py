@@ -234,7 +234,7 @@ def _curve(style: str, title: str, x: Any, y: Any, sigma: Any) -> dict[str, Any]
 
 
 def _glued(grid: Mapping[str, Any]) -> dict[str, Any]:
-    """What other grids of targets would give, with the analysis' own one marked."""
+    """The results that other grids of targets would have, with the analysis' own one marked."""
     own = None
     if "u_mm" in grid and len(rows_mm := np.unique(grid["u_mm"])) > 1:
         own = own_grid(len(set(grid["column"])), float(np.diff(rows_mm).mean()))

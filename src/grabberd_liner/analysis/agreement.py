@@ -31,7 +31,7 @@ class Limit(NamedTuple):
 
 
 class Agreement(NamedTuple):
-    """What N differences, of the first method less the second, say of both.
+    """Result of N differences, of the first method less the second.
 
     Attributes:
         places: N.

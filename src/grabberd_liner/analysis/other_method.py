@@ -247,7 +247,7 @@ class _Local(NamedTuple):
         return -(self.normal @ self.design.T @ self.inverse @ self.difference)[:-1]
 
     def overlay(self, record: Record, at: Array, offsets: Offsets) -> Overlay:
-        """What has come of it at offsets that have settled."""
+        """The overlay at offsets that have settled."""
         fitted = self.normal @ self.design.T @ self.inverse
         rest = self.difference - fitted[-1] @ self.difference
         # An estimated offset goes with the errors of both methods, and takes a part of them away.

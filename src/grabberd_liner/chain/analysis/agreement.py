@@ -31,7 +31,7 @@ _NO_RECORD = Record(_NONE, _NONE, _NONE, _NONE, _NONE, ABOVE[0])
 
 
 class OtherMethod(NamedTuple):
-    """What another method measured, and of which state of the wall.
+    """Pressures that another method measured, and the state of the wall that they are of.
 
     Attributes:
         record: its pressures; `offsets`: where its places begin.
