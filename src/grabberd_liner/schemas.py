@@ -66,7 +66,8 @@ def _agreement() -> Schema:
             "above": one_of(*ABOVE, description="What its pressures are counted from."),
             "along": either(one_of(ESTIMATED), along, description="Where its origin lies along x."),
             "round": either(one_of(ESTIMATED), around, description="Angle of its origin."),
-        }
+        },
+        ("state",),
     )
 
 

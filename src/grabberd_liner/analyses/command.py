@@ -82,7 +82,7 @@ def analyse(  # noqa: PLR0913, PLR0917 - options of a command
     Example: grabberd analyse liner.grab --inputs liner-inputs.yaml --vacuum-log log.csv --formats csv,vtu
     --out out
 
-    Example: grabberd analyse liner.grab --inputs liner-inputs.yaml --compare-with film.csv --out out
+    Example: grabberd analyse liner.grab --inputs film-inputs.yaml --compare-with film.csv --out out
 
     Example: grabberd analyse liner.grab --profiles --label liner=A --out out
 
