@@ -72,10 +72,10 @@ def own_grid(columns: int, row_pitch_mm: float) -> GluedTargets | None:
 
 def note() -> str:
     """The walls and fields that the figures are of."""
-    count = max(one.walls for one in glued_targets())
+    walls = " or ".join(map(str, sorted({one.walls for one in glued_targets()})))
     return (
-        f"Root mean square errors on {count} closed walls that were solved independently; single fields of "
-        "8 bit, all targets in view."
+        f"Root mean square errors on {walls} closed walls that were solved independently; single fields of 8 "
+        "bit, all targets in view."
     )
 
 

@@ -27,7 +27,7 @@ Array = NDArray[np.float64]
 PLACE, MEAN, COMPRESSION, END, LOAD, FORCE = "place", "mean", "compression", "at the end", "load", "force"
 UNITS = {PLACE: "kPa", MEAN: "kPa", COMPRESSION: "kPa", END: "kPa", LOAD: "N/m", FORCE: "N"}
 COLUMNS, NOISE_MM = (4, 6), {8: EIGHT_BITS_MM, 1: ONE_BIT_MM}
-GRIDS = ((4, 2 * PITCH_MM), (4, PITCH_MM), (6, PITCH_MM))
+GRIDS = ((4, 2 * PITCH_MM), (4, PITCH_MM), (6, 2 * PITCH_MM), (6, PITCH_MM))
 """Columns of targets, and pitch of the rows in mm, for the advice on glueing them."""
 PHASE_FIELDS = 10
 """Of whose points a phase is the mean."""
