@@ -27,7 +27,14 @@ from grabberd_fake.optics import COLUMNS, HALF, LINES, Array, View, build_views
 from grabberd_fake.options import SCENES, FakeOptions
 from grabberd_fake.stage import MILKING, NO_VACUUM, ramp, write_stage
 from grabberd_fake.stamp import read_stamp
-from grabberd_fake.truth import capture_quantities, capture_truth, capture_vacuum_log, check_driver
+from grabberd_fake.teat_mat import Mat
+from grabberd_fake.truth import (
+    capture_mat,
+    capture_quantities,
+    capture_truth,
+    capture_vacuum_log,
+    check_driver,
+)
 from grabberd_fake.wall_states import wall_names
 from grabberd_fake.world import build_scene
 
@@ -224,6 +231,7 @@ _EXAMPLES = """examples:
   python -m grabberd_fake truth liner.grab --of wall > wall.csv
   python -m grabberd_fake truth liner.grab --of load > load.csv
   python -m grabberd_fake truth liner.grab --of quantities
+  python -m grabberd_fake truth liner.grab --of mat --field 40 --noise-kpa 1 > mat.csv
   python -m grabberd_fake audit liner.grab
   python -m grabberd_fake stage stage.yaml --wall thin-empty --ramp
   python -m grabberd_fake truth liner.grab --of vacuum --offset-s 0.37 --noise-kpa 0.1 > vacuum.csv"""
@@ -274,6 +282,9 @@ def _audit(path: Path) -> int:
 def _truth_lines(given: argparse.Namespace) -> Iterable[str]:
     if given.of == "quantities":
         return capture_quantities(given.capture, given.flow_stop_kpa, given.flow_stop_difference_kpa)
+    if given.of == "mat":
+        mat = Mat(given.cell_mm, given.noise_kpa, given.turned_deg)
+        return capture_mat(given.capture, given.field, mat)
     if given.of == "vacuum":
         return capture_vacuum_log(given.capture, given.offset_s, given.noise_kpa, given.rate_hz)
     return capture_truth(given.capture, given.of)
@@ -320,10 +331,10 @@ def _add_truth(truth: argparse.ArgumentParser) -> None:
     truth.add_argument("capture", type=Path, help="a .grab file that the simulated grabber made")
     truth.add_argument(
         "--of",
-        choices=("targets", "wall", "load", "quantities", "vacuum"),
+        choices=("targets", "wall", "load", "quantities", "vacuum", "mat"),
         default="targets",
-        help="the targets' places, the wall's strain and pressure, its load, the liner's quantities, or the "
-        "readings of a vacuum logger",
+        help="the targets' places, the wall's strain and pressure, its load, the liner's quantities, the "
+        "readings of a vacuum logger, or those of a mat of pressure sensors on the teat",
     )
     truth.add_argument(
         "--offset-s", type=float, default=0.0, help="of vacuum: seconds since the first field - logger's time"
@@ -338,7 +349,10 @@ def _add_truth(truth: argparse.ArgumentParser) -> None:
         type=float,
         help="of quantities: pressure difference at which milk stops flowing, for the derived overpressure",
     )
-    truth.add_argument("--noise-kpa", type=float, default=0.0, help="of vacuum: σ of each reading")
+    truth.add_argument("--noise-kpa", type=float, default=0.0, help="of vacuum and mat: σ of each reading")
+    truth.add_argument("--field", type=int, default=0, help="of mat: number of the field")
+    truth.add_argument("--cell-mm", type=float, default=5.0, help="of mat: width of a cell")
+    truth.add_argument("--turned-deg", type=float, default=0.0, help="of mat: how far it lies turned")
     truth.add_argument("--rate-hz", type=float, default=1000.0, help="of vacuum: readings a second")
 
 

@@ -18,6 +18,7 @@ from grabberd_fake.liner_truth import quantities_of, truth_of_liner
 from grabberd_fake.optics import Array
 from grabberd_fake.options import FakeOptions
 from grabberd_fake.stage import REARRANGED, on_stage
+from grabberd_fake.teat_mat import Mat, mat_lines
 from grabberd_fake.vacuum import Pulsating, vacuum_log
 from grabberd_fake.world import Truth, World
 
@@ -97,6 +98,22 @@ def capture_quantities(
     yield "name,value"
     for name, value in quantities_of(options.liner, flow_stop_kpa, flow_stop_difference_kpa).items():
         yield f"{name},{value:.9g}"
+
+
+def capture_mat(path: Path, n: int, mat: Mat) -> Iterator[str]:
+    """CSV lines, the header first: a mat of pressure sensors on the teat at one field.
+
+    Raises:
+        CaptureFileError: the file is no capture, has no such field, or was made by another driver.
+        ValueError: the capture shows another scene than a liner on a teat, or such a mat cannot be.
+    """
+    options, fields = _read_capture(path)
+    if options.scene != "liner":
+        raise ValueError(f"scene: {options.scene!r} is not the solved wall 'liner'")
+    if n not in dict(fields):
+        raise CaptureFileError(f"{path} has no field {n}", "choose one of its fields: --field")
+    rest_kpa = truth_of_liner(options, dict(fields)[n]).rest_kpa
+    return mat_lines(options.liner, rest_kpa, mat, options.seed)
 
 
 def _target_rows(options: FakeOptions, time_ns: int) -> Iterator[str]:

@@ -5,11 +5,11 @@ names are imported when something asks for them, so that a command does not wait
 without the extension nothing of it is missing or empty.
 """
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cache
 from importlib import import_module
-from typing import Any
+from typing import Any, NamedTuple
 
 GROUP = "grabberd.extensions"
 
@@ -27,6 +27,23 @@ class Place:
     name: str
     target: str
     after: str = ""
+
+
+class Advice(NamedTuple):
+    """A table of `grabberd plan` that an extension brings.
+
+    Attributes:
+        title: Its title; `heads`: of its columns.
+        rows: Cells, as shown.
+        note: What the figures are.
+        figures: The same for programs, a mapping for each row.
+    """
+
+    title: str
+    heads: Sequence[str]
+    rows: Sequence[Sequence[str]]
+    note: str
+    figures: Sequence[Mapping[str, Any]]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -48,6 +65,7 @@ class Extension:
         config_check: Function that checks its part of a `Config`, by that and its file, and raises a
             `ConfigError`; empty: none.
         messages: Its `DeviceTopic`s, on which a broker is told of each device; empty: none.
+        advice: Function that gives `grabberd plan` an `Advice`, by the object model or None; empty: none.
     """
 
     name: str
@@ -63,6 +81,7 @@ class Extension:
     library: Mapping[str, str] = field(default_factory=dict)
     config_check: str = ""
     messages: str = ""
+    advice: str = ""
 
 
 @cache

@@ -54,4 +54,5 @@ EXTENSION = Extension(
         ),
     },
     messages="grabberd_liner.messages:DEVICE_TOPICS",
+    advice="grabberd_liner.glued_targets:advice",
 )

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from grabberd.archive.input_files import read_vacuum_log
+from grabberd.archive.input_files import read_table_text
 from grabberd.core.arrays import Array
 from grabberd.errors import InputError
 from grabberd.files.disk import results_folder
@@ -206,7 +206,7 @@ class Capture(capture.Capture):
             AnalysisError: The points make no surface.
         """
         given = {} if inputs is None else document_of(inputs)
-        log = None if vacuum_log is None else read_vacuum_log(Path(vacuum_log))
+        log = None if vacuum_log is None else read_table_text(Path(vacuum_log))
         source = "the program" if inputs is None or isinstance(inputs, Mapping) else str(inputs)
         made = analyse_file(
             progress,

@@ -21,7 +21,9 @@ from grabberd.schemas.files import (
     text,
 )
 from grabberd_liner.analysis.load.pressure import UNSEEN
+from grabberd_liner.analysis.other_method import ABOVE
 from grabberd_liner.analysis.wall.material import LAWS, Material
+from grabberd_liner.chain.analysis.agreement import ESTIMATED, GREATEST
 from grabberd_liner.chain.analysis.inputs import FLOWING, MOST_PHASES
 from grabberd_liner.profiles.documents import ProfileContent
 
@@ -46,8 +48,27 @@ def analysis_inputs_schema() -> Schema:
             "unseen": one_of(*UNSEEN, description="What stands for the half that no camera sees."),
             "flow_stop": or_nothing(flow_stop, "Pressure on the teat's end at which milk stops flowing."),
             "milk_flow": one_of(*FLOWING, description="What the channel flow reads while milk flows."),
+            "agreement": or_nothing(_agreement(), "Pressures by another method, beside the map."),
             "average": integer("Fields of a still wall that become one, their mean.", least=1),
         }
+    )
+
+
+def _agreement() -> Schema:
+    state = (mapping({"field": integer(least=0)}, ("field",)), mapping({"phase": number()}, ("phase",)))
+    along, around = (
+        mapping({value: number(), sigma: number()}, (value, sigma))
+        for value, sigma in (("x_mm", "sigma_mm"), ("deg", "sigma_deg"))
+    )
+    return mapping(
+        {
+            "table": text("The text of the table."),
+            "state": either(one_of(GREATEST), *state, description="State of the wall that it shows."),
+            "above": one_of(*ABOVE, description="What its pressures are counted from."),
+            "along": either(one_of(ESTIMATED), along, description="Where its origin lies along x."),
+            "round": either(one_of(ESTIMATED), around, description="Angle of its origin."),
+        },
+        ("state",),
     )
 
 

@@ -107,6 +107,9 @@ def _write_inputs(folder: Path, configs: Path) -> None:
     (folder / "profiles").mkdir()
     rows = [f"{n * 0.02:.2f},{42 if n % 30 < 15 else 0},42" for n in range(60)]
     (folder / "log.csv").write_text("\n".join(["time_s,pulsation_vacuum_kpa,liner_vacuum_kpa", *rows]))
+    (folder / "film-inputs.yaml").write_text("agreement: {state: greatest, above: liner}")
+    rows = [f"{-4 * n},{10 * (n % 5) - 20},{20 + n},1.5" for n in range(12)]
+    (folder / "film.csv").write_text("\n".join(["along_mm,round_deg,pressure_kpa,sigma_kpa", *rows]))
 
 
 def _make_captures(folder: Path) -> None:

@@ -52,3 +52,12 @@ def test_a_calibration_takes_the_nominal_rigs_place() -> None:
     calibration = shipped_configs() / "fake.calibration.json"
     found = json.loads(run("plan", "--calibration", calibration, "--json").stdout)
     assert found["places"][0]["calibration"] is None
+
+
+def test_the_plan_says_what_more_columns_of_targets_would_give_for_pressure_and_load() -> None:
+    shown = run("plan", "--config", shipped_configs() / "fake.yaml")
+    assert "What more columns or rows of targets give" in shown.output
+    assert "solved independently" in " ".join(shown.output.split())
+    (advice,) = json.loads(run("plan", "--json").stdout)["advice"]
+    load = {(one["columns"], one["row_pitch_mm"]): one["load_percent"] for one in advice["figures"]}
+    assert load[6, 6.5] < 0.65 * load[4, 6.5]

@@ -194,6 +194,8 @@ ONLY_THE_READER_KNOWS = {
     ),
     "analysis-inputs": (
         "needs vacuum.log",
+        r"agreement\.table",
+        r"agreement\.above",
         "offset and lag are both given",
         "a direction, not all zeros",
         "first and last row",

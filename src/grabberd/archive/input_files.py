@@ -45,8 +45,8 @@ def read_truth(path: Path) -> Truth:
     )
 
 
-def read_vacuum_log(path: Path) -> str:
-    """Reads the text of a vacuum logger's file.
+def read_table_text(path: Path) -> str:
+    """Reads the text of a table, such as a vacuum logger's file.
 
     Raises:
         InputError: It cannot be read.
@@ -54,7 +54,7 @@ def read_vacuum_log(path: Path) -> str:
     try:
         return read_text(path, LARGEST_TABLE)
     except (OSError, ValueError) as error:
-        hint = "give the logger's file as text; Excel saves it as 'CSV UTF-8'"
+        hint = "give the table as text; Excel saves it as 'CSV UTF-8'"
         raise InputError(f"{path} cannot be read: {error}", hint) from error
 
 

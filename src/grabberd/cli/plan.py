@@ -5,6 +5,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
+from rich.markup import escape
 from rich.table import Table
 
 from grabberd.cli.options import ConfigOption, JsonOption, load, print_json
@@ -15,6 +16,7 @@ if TYPE_CHECKING:
     from grabberd.core.chain.plan import Lines, Plan, PlannedPlace, PlanSettings
     from grabberd.core.geometry import NominalRig, Rig
     from grabberd.core.reconstruction import ObjectModel
+    from grabberd.extension import Advice
 
 COLUMNS = ("X", "Y", "Z", "XYZ", "calibration's XYZ")
 USUAL_FRAME = "calibration-frames/paper-108.yaml"
@@ -56,10 +58,11 @@ def plan(  # noqa: PLR0913, PLR0917 - options of a command
     ] = None,
     json: JsonOption = False,
 ) -> None:
-    """Predict the σ of X, Y and Z over the volume, and how base, distance and bits would change it.
+    """Predict the σ of X, Y and Z over the volume, and what changes of rig, bits and targets would give.
 
     Example: grabberd plan --config configs/fake.yaml --bits 8
     """
+    from grabberd import extension  # noqa: PLC0415
     from grabberd.archive.measure_setups import nominal_rig  # noqa: PLC0415
     from grabberd.config import default_config_file, only_device, shipped_configs  # noqa: PLC0415
     from grabberd.core.chain import plan as planning  # noqa: PLC0415
@@ -85,10 +88,14 @@ def plan(  # noqa: PLR0913, PLR0917 - options of a command
         (name, planning.plan(rig_of(one, wanted), low, high, wanted).places[0])
         for name, one, wanted in planning.variations(nominal, settings)
     ]
+    advice = [extension.load(one.advice)(model) for one in extension.extensions() if one.advice]
     if json:
-        print_json(_document(expected, influence))
+        advised = [{"title": one.title, "note": one.note, "figures": one.figures} for one in advice]
+        print_json({**_document(expected, influence), "advice": advised})
     else:
         _show(expected, influence)
+        for one in advice:
+            _show_advice(one)
 
 
 def _model(file: Path | None) -> "ObjectModel | None":
@@ -147,6 +154,14 @@ def _show(expected: "Plan", influence: "Sequence[tuple[str, PlannedPlace]]") -> 
         highlight=False,
         soft_wrap=True,
     )
+
+
+def _show_advice(advice: "Advice") -> None:
+    table = Table(*map(escape, advice.heads), title=advice.title)
+    for cells in advice.rows:
+        table.add_row(*cells)
+    console.print(table)
+    console.print(advice.note, highlight=False, soft_wrap=True)
 
 
 def _cells(place: "PlannedPlace") -> list[str]:

@@ -46,6 +46,13 @@ def analyse(  # noqa: PLR0913, PLR0917 - options of a command
     vacuum_log: Annotated[
         Path | None, typer.Option(help="CSV file of a vacuum logger: time_s, pulsation_vacuum_kpa, …")
     ] = None,
+    compare_with: Annotated[
+        Path | None,
+        typer.Option(
+            help="CSV file of another method's pressures: along_mm, round_deg, pressure_kpa, sigma_kpa. What "
+            "they are of, the inputs say: agreement."
+        ),
+    ] = None,
     profiles: Annotated[
         bool,
         typer.Option(
@@ -75,11 +82,13 @@ def analyse(  # noqa: PLR0913, PLR0917 - options of a command
     Example: grabberd analyse liner.grab --inputs liner-inputs.yaml --vacuum-log log.csv --formats csv,vtu
     --out out
 
+    Example: grabberd analyse liner.grab --inputs film-inputs.yaml --compare-with film.csv --out out
+
     Example: grabberd analyse liner.grab --profiles --label liner=A --out out
 
     Example: grabberd analyse b1.grab --bursts b2.grab --bursts b3.grab --inputs liner-inputs.yaml --out out
     """
-    from grabberd.archive.input_files import read_vacuum_log  # noqa: PLC0415
+    from grabberd.archive.input_files import read_table_text  # noqa: PLC0415
     from grabberd.files.disk import results_folder  # noqa: PLC0415
     from grabberd.files.documents import read_yaml  # noqa: PLC0415
     from grabberd_liner.analyses.export import check_formats, write_analysis  # noqa: PLC0415
@@ -88,9 +97,15 @@ def analyse(  # noqa: PLR0913, PLR0917 - options of a command
     wanted = [name.strip() for name in formats.split(",") if name.strip()]
     check_formats(wanted)
     given = read_yaml(inputs) if inputs else {}
-    log = read_vacuum_log(vacuum_log) if vacuum_log else None
+    log = read_table_text(vacuum_log) if vacuum_log else None
     found = _found(capture, config, label or [], profiles)
-    sources = {**dict.fromkeys(given, str(inputs)), **({"vacuum.log": str(vacuum_log)} if vacuum_log else {})}
+    files = {"vacuum.log": vacuum_log, "agreement.table": compare_with}
+    sources = {**dict.fromkeys(given, str(inputs)), **{key: str(one) for key, one in files.items() if one}}
+    if compare_with:
+        given = {
+            **given,
+            "agreement": {**(given.get("agreement") or {}), "table": read_table_text(compare_with)},
+        }
     with results_folder(out):
         with progress_bar("analysing") as progress:
             made = analyse_file(
@@ -144,6 +159,7 @@ def _document(made: "AnalysisOutput", written: list[Path]) -> dict[str, Any]:
     return {
         **made.about,
         "summary": {name: finite(value) for name, value in _summary(made).items()},
+        **({"agreement": agreed} if (agreed := _agreement(made)) else {}),
         "quantities": [
             {**one, **{key: finite(one[key]) for key in ("value", "sigma_value", "sigma_common")}}
             for one in _quantities(made)
@@ -157,6 +173,14 @@ def _document(made: "AnalysisOutput", written: list[Path]) -> dict[str, Any]:
 def _summary(made: "AnalysisOutput") -> dict[str, float]:
     """The only row of the table `summary`."""
     return {name: values.tolist()[0] for name, values in made.tables["summary"].rows.items()}
+
+
+def _agreement(made: "AnalysisOutput") -> dict[str, Any]:
+    """The only row of the table `agreement`; empty without another method."""
+    from grabberd.core.chain.columns import json_values  # noqa: PLC0415
+
+    table = made.tables["agreement"]
+    return {name: json_values(values)[0] for name, values in table.rows.items() if len(table)}
 
 
 def _quantities(made: "AnalysisOutput") -> list[dict[str, Any]]:
@@ -181,6 +205,10 @@ def _show(made: "AnalysisOutput") -> None:
         if math.isfinite(one["value"]):
             verdict = f", ISO 5707: {one['verdict']}" if one["verdict"] else ""
             table.add_row(f"{one['name']}{verdict}", *measured(one["value"], one["sigma_value"]))
+    if (agreed := _agreement(made)) and not agreed["reason"]:
+        table.add_row("bias to the other method", *measured(agreed["bias_kpa"], agreed["sigma_bias_kpa"]))
+        limits = f"{agreed['lower_kpa']:.1f} … {agreed['upper_kpa']:.1f}"
+        table.add_row("limits of agreement with it, kPa", limits, "")
     for cells in _ranges(made):
         table.add_row(*cells)
     console.print(table)

@@ -9,8 +9,9 @@ import numpy as np
 
 from grabberd.reports.document import ReportForm, check_document
 from grabberd.reports.figures import require_matplotlib
-from grabberd.reports.notation import measured
+from grabberd.reports.notation import fixed, measured
 from grabberd_liner.analyses.documents import Outdated, outdated
+from grabberd_liner.glued_targets import HEADS, TITLE, glued_targets, note, own_grid
 from grabberd_liner.reports.columns import Columns
 from grabberd_liner.reports.environment import environment
 from grabberd_liner.reports.figures import State, states_of
@@ -31,6 +32,14 @@ _CLOSED = (
     "liner compression, greatest, above atmosphere",
 )
 """Titles of the quantities that the verdict is about."""
+_LIMITS = (
+    ("bias", "bias_kpa", "bias_low_kpa", "bias_high_kpa"),
+    ("lower limit", "lower_kpa", "lower_low_kpa", "lower_high_kpa"),
+    ("upper limit", "upper_kpa", "upper_low_kpa", "upper_high_kpa"),
+)
+"""Lines of Bland and Altman's figure, by the columns of their values and confidence intervals."""
+_UNLIKELY = 0.01
+_ALONG_MM = 5.0
 
 
 class Peak(NamedTuple):
@@ -104,10 +113,11 @@ def values(document: Document) -> dict[str, Any]:
         "distances": [_distances(tables, height) for height in heights],
         "quantities": quantities,
         "closed_liner": _closed_liner(quantities),
+        "agreement": _agreement(tables),
+        "glued": _glued(document["grid"]),
         "has_profile": "phase_profile" in tables and len(tables["phase_profile"]) > 0,
         "cycle_shares": _cycle_shares(tables["summary"]),
         "given": list(_given(document["inputs"]["given"])),
-        "all_columns": _all_columns(document),
     }
 
 
@@ -160,6 +170,92 @@ def _shown(value: float | None, sigma: float | None, unit: str) -> str:
     return "{} ± {} {}".format(*measured(value, sigma), "" if unit == "1" else unit).strip()
 
 
+class AgreementPage(NamedTuple):
+    """The agreement with another method.
+
+    Attributes:
+        table: its row of results; `reason`: why there is none.
+        figures: Bland and Altman's, and both methods along the teat, as `tested_svg` takes them.
+        limits: bias and limits of agreement, each as cells: name, value, confidence interval.
+        scatters: True if the differences scatter more than the σ of both explain.
+    """
+
+    table: Columns
+    reason: str
+    figures: Sequence[Sequence[Mapping[str, Any]]] = ()
+    limits: Sequence[tuple[str, str, str]] = ()
+    scatters: bool = False
+
+
+def _agreement(tables: Tables) -> AgreementPage | None:
+    """None without another method."""
+    table = tables.get("agreement")
+    if table is None or not len(table):
+        return None
+    if reason := table.words("reason")[0]:
+        return AgreementPage(table, reason)
+    places = tables["agreement_places"]
+    both = [places.numbers(f"{name}_kpa") for name in ("map", "other")]
+    lines = [(name, [float(table.numbers(key)[0]) for key in keys]) for name, *keys in _LIMITS]
+    ends = [float(end(np.mean(both, axis=0))) for end in (np.min, np.max)]
+    bland_altman = [
+        _curve(
+            "points",
+            "places",
+            np.mean(both, axis=0),
+            places.numbers("difference_kpa"),
+            places.sigma("difference_kpa"),
+        ),
+        *(_curve("line", name, ends, [at] * 2, [(high - low) / 2] * 2) for name, (at, low, high) in lines),
+    ]
+    shown = [(name, fixed(at, 1), f"{fixed(low, 1)} … {fixed(high, 1)}") for name, (at, low, high) in lines]
+    scatters = (table.value("p") or 0.0) < _UNLIKELY
+    return AgreementPage(table, "", [bland_altman, list(_along(places))], shown, scatters)
+
+
+def _along(places: Columns) -> Iterator[Mapping[str, Any]]:
+    """Both methods along the teat: means over all places within a few millimetres."""
+    part = np.round(places.numbers("x_mm") / _ALONG_MM)
+    at = np.unique(part)
+    for style, name, title in (("line", "map_kpa", "map"), ("points", "other_kpa", "other method")):
+        mean, sigma = (
+            [float(values[part == one].mean()) for one in at]
+            for values in (places.numbers(name), places.sigma(name))
+        )
+        yield _curve(style, title, at * _ALONG_MM, mean, sigma) | {
+            "x_title": "along the teat, x",
+            "x_unit": "mm",
+            "y_title": "mean round the teat",
+        }
+
+
+def _curve(style: str, title: str, x: Any, y: Any, sigma: Any) -> dict[str, Any]:
+    return {
+        "style": style,
+        "title": title,
+        "x": x,
+        "y": y,
+        "sigma": sigma,
+        "x_title": "mean of both methods",
+        "x_unit": "kPa",
+        "y_title": "map less other method",
+        "y_unit": "kPa",
+    }
+
+
+def _glued(grid: Mapping[str, Any]) -> dict[str, Any]:
+    """The results that other grids of targets would have, with the analysis' own one marked."""
+    own = None
+    if "u_mm" in grid and len(rows_mm := np.unique(grid["u_mm"])) > 1:
+        own = own_grid(len(set(grid["column"])), float(np.diff(rows_mm).mean()))
+    cells = [(*one.cells, "as it is" if one == own else "") for one in glued_targets()]
+    return {
+        "title": TITLE,
+        "columns": list(zip((*HEADS, ""), zip(*cells, strict=True), strict=True)),
+        "note": note(),
+    }
+
+
 def _median(fields: Columns, name: str) -> float | None:
     return fields.spread(name).median if fields.is_known(name) else None
 
@@ -192,13 +288,10 @@ def _given(given: Mapping[str, Any], before: str = "") -> Iterator[tuple[str, An
             for index, inner in enumerate(value, start=1):
                 yield from _given(inner, f"{before}{key} {index}.")
         else:
-            yield f"{before}{key}", value
+            yield f"{before}{key}", _one_line(value)
 
 
-def _all_columns(document: Document) -> list[Mapping[str, Any]]:
-    """Every column once, but for those of σ."""
-    first: dict[str, Mapping[str, Any]] = {}
-    for table in [*document["tables"].values(), *(state["targets"] for state in document["states"][:1])]:
-        for column in table["columns"]:
-            first.setdefault(column["name"], column)
-    return [column for name, column in first.items() if not name.startswith("sigma_")]
+def _one_line(value: Any) -> Any:
+    """A value, but of a table its first line."""
+    lines = value.splitlines() if isinstance(value, str) else []
+    return f"{len(lines)} lines, the first of them: {lines[0]}" if len(lines) > 1 else value

@@ -120,13 +120,13 @@ def liner_test(  # noqa: PLR0913, PLR0917 - options of a command
 
 def _stated(inputs: Path | None, vacuum_log: Path | None) -> tuple[dict[str, Any], dict[str, str]]:
     """The inputs that are given, and where each comes from."""
-    from grabberd.archive.input_files import read_vacuum_log  # noqa: PLC0415
+    from grabberd.archive.input_files import read_table_text  # noqa: PLC0415
     from grabberd.files.documents import read_yaml  # noqa: PLC0415
     from grabberd_liner.analyses.job import with_log  # noqa: PLC0415
 
     stated = read_yaml(inputs) if inputs else {}
     sources = dict.fromkeys(stated, str(inputs)) | given(**{"vacuum.log": vacuum_log and str(vacuum_log)})
-    return with_log(stated, read_vacuum_log(vacuum_log) if vacuum_log else None), sources
+    return with_log(stated, read_table_text(vacuum_log) if vacuum_log else None), sources
 
 
 def _request(recipe: "Recipe", words: dict[str, str], duration: float | None) -> dict[str, Any]:

@@ -32,17 +32,24 @@ def rig() -> Rig:
 class SolvedLiner:
     """A liner on a teat, with targets glued to it in rows and columns."""
 
-    def __init__(self, name: str, columns: int = COLUMNS, states: WallStates | None = None) -> None:
+    def __init__(
+        self,
+        name: str,
+        columns: int = COLUMNS,
+        states: WallStates | None = None,
+        row_pitch_mm: float = PITCH_MM,
+    ) -> None:
         """Reads its table, unless its states are given."""
         self.name = name
         self.states = states or wall_states(name)
         self.design = self.states.about["design"]
         face_mm = self.design["radius_mm"] + self.design["wall_mm"] / 2
-        self.x_mm = (np.arange(ROWS) - (ROWS - 1) / 2) * PITCH_MM
+        rows = 1 + int((ROWS - 1) * PITCH_MM / row_pitch_mm)
+        self.x_mm = (np.arange(rows) - (rows - 1) / 2) * row_pitch_mm
         theta = (np.arange(columns) - (columns - 1) / 2) * PITCH_MM / face_mm
         self.theta, self._face_mm = theta, face_mm
         self._patch = Patch(self.states, self.x_mm, theta)
-        row, column = (part.ravel() for part in np.meshgrid(range(ROWS), range(columns), indexing="ij"))
+        row, column = (part.ravel() for part in np.meshgrid(range(rows), range(columns), indexing="ij"))
         angle = theta[column]
         nominal = np.column_stack([self.x_mm[row], face_mm * np.sin(angle), face_mm * np.cos(angle)])
         ids = np.arange(len(row), dtype=np.int32)

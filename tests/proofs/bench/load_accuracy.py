@@ -1,16 +1,18 @@
 """How far a closed liner's pressure and its sums are off, on walls drawn at random and solved as solids.
 
 `python -m tests.proofs.bench.load_accuracy --tuning` or `--held-out`. Walls that are
-not kept in `build` are solved first.
+not kept in `build` are solved first. `--glued FILE` writes what more columns or rows of targets give, the
+table from which `grabberd plan` and the analysis report take it.
 """
 
 import argparse
 from collections.abc import Iterator, Sequence
+from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from tests.liner.analysis.walls import EIGHT_BITS_MM, ONE_BIT_MM, SolvedLiner, with_noise
+from tests.liner.analysis.walls import EIGHT_BITS_MM, ONE_BIT_MM, PITCH_MM, SolvedLiner, with_noise
 from tests.proofs.bench.load_walls import HELD_OUT, SEEDS, TUNING, Wall, walls
 from tests.proofs.bench.pressure_case import REFERENCE_MM, SOUGHT_KPA, Figures, Given, paragraph
 
@@ -24,6 +26,8 @@ Array = NDArray[np.float64]
 PLACE, MEAN, COMPRESSION, END, LOAD, FORCE = "place", "mean", "compression", "at the end", "load", "force"
 UNITS = {PLACE: "kPa", MEAN: "kPa", COMPRESSION: "kPa", END: "kPa", LOAD: "N/m", FORCE: "N"}
 COLUMNS, NOISE_MM = (4, 6), {8: EIGHT_BITS_MM, 1: ONE_BIT_MM}
+GRIDS = ((4, 2 * PITCH_MM), (4, PITCH_MM), (6, 2 * PITCH_MM), (6, PITCH_MM))
+"""Columns of targets, and pitch of the rows in mm, for the advice on glueing them."""
 PHASE_FIELDS = 10
 """Of whose points a phase is the mean."""
 SECTION, SOLID = "section", "solid"
@@ -32,6 +36,7 @@ Way = tuple[int, int]
 """Bits, and fields averaged."""
 WAYS: tuple[Way, ...] = ((8, 1), (1, 1), (8, PHASE_FIELDS))
 FIRST = WAYS[:1]
+GLUED_HEADER = "columns,row_pitch_mm,walls,mean_kpa,compression_kpa,load_percent"
 _WITHIN = np.linspace(-0.4, 0.4, 5)
 """Of an element's length: where an estimate is averaged over it."""
 
@@ -64,11 +69,15 @@ def judged(of: str, ways: Sequence[Way]) -> list[Judged]:
 
 
 def of_wall(
-    wall: Wall, columns: int, random: np.random.Generator, ways: Sequence[Way] = FIRST
+    wall: Wall,
+    columns: int,
+    random: np.random.Generator,
+    ways: Sequence[Way] = FIRST,
+    row_pitch_mm: float = PITCH_MM,
 ) -> Iterator[Judged]:
     """All maps of a wall, by an estimator that is told its values with one draw of their errors."""
     half_mm = wall.length_mm / 2
-    liner, given = SolvedLiner(wall.states.name, columns, wall.states), Given.drawn(random)
+    liner, given = SolvedLiner(wall.states.name, columns, wall.states, row_pitch_mm), Given.drawn(random)
     zones = liner.zones(first_end_mm=-half_mm, last_end_mm=half_mm, **given.material(liner))
     reference = with_noise(liner, liner.places_mm(0.0), REFERENCE_MM, random)
     model = PressureModel(liner.grid, zones, reference, SOUGHT_KPA)
@@ -196,10 +205,40 @@ def _figures(some: Sequence[Judged]) -> list[str]:
         pairs = [one.pairs[name] for one in kept if name in one.pairs]
         pooled = [np.concatenate(parts) for parts in zip(*pairs, strict=True)] if pairs else [np.empty(0)] * 2
         cells.append(_text(Figures.of(*pooled), name))
-    errors = np.concatenate([one.pairs[LOAD][0] for one in kept] or [np.empty(0)])
-    true = np.concatenate([one.true["on teat"] for one in kept] or [np.ones(1)])
-    share = np.sqrt(np.mean(errors**2) / np.mean(true**2)) if len(errors) else np.nan
-    return [*cells, f"{100 * share:.0f}" if len(errors) else "none"]
+    share = _load_share(kept)
+    return [*cells, f"{100 * share:.0f}" if kept else "none"]
+
+
+def _load_share(kept: Sequence[Judged]) -> float:
+    """RMS error of the load per height, as a share of the true one's RMS; NaN without any map."""
+    if not kept:
+        return float("nan")
+    errors = np.concatenate([one.pairs[LOAD][0] for one in kept])
+    true = np.concatenate([one.true["on teat"] for one in kept])
+    return float(np.sqrt(np.mean(errors**2) / np.mean(true**2)))
+
+
+def write_glued(path: Path, of: str = HELD_OUT) -> None:
+    """Writes the errors by `GRIDS`, a row for each, into the table of the advice on glueing targets."""
+    kept = list(walls(of))
+    rows = [glued_row(kept, SEEDS[of], columns, pitch_mm) for columns, pitch_mm in GRIDS]
+    path.write_text("\n".join([GLUED_HEADER, *rows]) + "\n")
+
+
+def glued_row(some: Sequence[Wall], seed: int, columns: int, row_pitch_mm: float) -> str:
+    """CSV row: RMS errors over walls with so many columns of targets, and rows so far apart."""
+    found = [
+        one
+        for number, wall in enumerate(some)
+        for one in of_wall(wall, columns, np.random.default_rng([seed, number, columns]), FIRST, row_pitch_mm)
+        if one.pairs
+    ]
+    rms = [
+        np.sqrt(np.mean(np.concatenate([one.pairs[name][0] for one in found]) ** 2))
+        for name in (MEAN, COMPRESSION)
+    ]
+    errors = ",".join(f"{one:.2f}" for one in rms)
+    return f"{columns},{row_pitch_mm:g},{len(found)},{errors},{100 * _load_share(found):.1f}"
 
 
 def _text(figures: Figures, name: str) -> str:
@@ -228,5 +267,9 @@ if __name__ == "__main__":
     for name in (TUNING, HELD_OUT):
         parser.add_argument(f"--{name}", dest="of", action="store_const", const=name, default=HELD_OUT)
     parser.add_argument("--every-way", action="store_true", help="also 1 bit, and phases")
+    parser.add_argument("--glued", type=Path, metavar="FILE", help="write the advice on glueing targets")
     given = parser.parse_args()
-    print(table(given.of, WAYS if given.every_way else FIRST))
+    if given.glued:
+        write_glued(given.glued, given.of)
+    else:
+        print(table(given.of, WAYS if given.every_way else FIRST))

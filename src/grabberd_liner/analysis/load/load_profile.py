@@ -334,6 +334,17 @@ def teat_heights(profile: LoadProfile) -> TeatHeights:
     return _with_end(profile, first, last, 1) if nearest > last else _with_end(profile, last, first, -1)
 
 
+def held_apart_by_teat(profile: LoadProfile) -> tuple[float, float]:
+    """Lowest and highest height that the teat holds apart, with what of its tip is beyond where it ends.
+
+    Raises:
+        AnalysisError: no teat is pressed.
+    """
+    teat, apart = teat_heights(profile).teat, _held_apart(profile)
+    first, last = next(run for run in _runs(apart, ~apart) if teat[run[0] : run[1] + 1].any())
+    return float(profile.x_mm[first]), float(profile.x_mm[last])
+
+
 def is_empty(profile: LoadProfile) -> bool:
     """True if the wall presses, but only where opposite walls meet: then it presses itself, and no teat."""
     pressed = _pressed(profile)

@@ -27,10 +27,12 @@ from grabberd_liner.analysis.load.load_fit import MISFIT_ALARM, Posterior, Respo
 from grabberd_liner.analysis.load.load_profile import LoadProfile, Sections, is_empty, profile_heights
 from grabberd_liner.analysis.load.mounting import Mounting
 from grabberd_liner.analysis.load.targets import Sights
+from grabberd_liner.analysis.load.teat_map import TeatMap, teat_map
 from grabberd_liner.analysis.load.wall_model import WIDE, Difference, LoadPrior, TubePrior, WallModel
 from grabberd_liner.analysis.load.wall_surfaces import FaceLattice, MiddleSurface, MiddleSurfaces, OuterFace
 from grabberd_liner.analysis.surface.fitting import LARGEST_SHARE_OUT, OUTLYING
 from grabberd_liner.analysis.wall.material import Material, Zone
+from grabberd_liner.analysis.wall.splines import Basis
 
 _VALUES = re.compile(r" of \S+ kPa| \([^)]*\)")
 """Parts of a reason that differ from target to target."""
@@ -263,6 +265,11 @@ class SettledWall(NamedTuple):
         """True if points and wall contradict each other."""
         return self.found.j > MISFIT_ALARM
 
+    def contact_kpa(self, basis: Basis) -> Joint:
+        """(N,) contact pressure at points of the mounted wall, by both priors."""
+        joint = Joint(*self.found.contact_kpa(basis))
+        return joint if self.other is None else joint.mixed(Joint(*self.other.contact_kpa(basis)), self.share)
+
 
 class PressureModel:
     """Common part of a capture's pressure maps: the mounted wall, and the states it has been in."""
@@ -367,10 +374,7 @@ class PressureModel:
             split: true to tell the noise of what was seen apart in the load over height.
         """
         found, within = settled.found, within | settled.alone
-        joint = Joint(*found.contact_kpa(found.model.targets))
-        if settled.other is not None:
-            joint = joint.mixed(Joint(*settled.other.contact_kpa(found.model.targets)), settled.share)
-        value, covariance = joint
+        value, covariance = settled.contact_kpa(found.model.targets)
         contact = Estimate(value, np.sqrt(np.diagonal(covariance)))
         # The liner's vacuum is in the difference as well, where its error partly cancels: never too small.
         above = Estimate(value - vacuum.liner_kpa, np.hypot(contact.sigma, vacuum.liner_sigma_kpa))
@@ -397,6 +401,25 @@ class PressureModel:
             problems: of its points, as sentences.
         """
         return self._lattice.face(settled.found, supported, problems)
+
+    def over_teat(self, settled: SettledWall, one: PressureMap) -> TeatMap:
+        """The pressure over the teat's surface, with what the estimator errs by in its covariance.
+
+        Args:
+            settled: the wall.
+            one: its map at the targets.
+
+        Raises:
+            AnalysisError: that map has no pressure.
+        """
+        profile = one.determined().profile
+        assert profile is not None
+
+        def contact_kpa(basis: Basis) -> Joint:
+            value, covariance = settled.contact_kpa(basis)
+            return Joint(value, covariance + _MEAN_SHARE**2 * np.outer(value, value))
+
+        return teat_map(settled.found, contact_kpa, self._mounting, one.supported, profile)
 
     def _profile(self, found: Posterior, split: bool) -> LoadProfile:
         if self._sections is None:

@@ -25,6 +25,7 @@ from grabberd_liner.analysis.surface.jets import Jets
 from grabberd_liner.analysis.surface.surface import Surface
 from grabberd_liner.analysis.vacuum.light_clock import FoundLight
 from grabberd_liner.analysis.wall.strain import Places, nominal_places, outer_places
+from grabberd_liner.chain.analysis.agreement import Candidate, Compared, compared
 from grabberd_liner.chain.analysis.inputs import AnalysisInputs, Reference
 from grabberd_liner.chain.analysis.vacuum_inputs import Vacuum, needs_pulsation, read_vacuum
 from grabberd_liner.chain.analysis.wall_series import EmptyLiner, Smoothings, WallSeries, empty_liner
@@ -162,6 +163,7 @@ class Analysis:
         numbers: (F,) numbers of all fields of the capture that have points.
         reference: reference state of the strain, as in `Question`.
         empty: what a ramp with the empty liner says; None for a capture with a teat.
+        compared: the pressure beside another method's; None without one.
     """
 
     grid: Grid
@@ -180,6 +182,7 @@ class Analysis:
     numbers: NDArray[np.int64]
     reference: Surface | Jets | None
     empty: EmptyLiner | None = None
+    compared: Compared | None = None
 
 
 def analyse(
@@ -278,6 +281,16 @@ class _Work:
             )
         states = tuple(state for _, state in fields)
         empty = self._empty(vacuum, fields_points)
+        found = [
+            Candidate("field", self._fields[k].n, fields_points[k], of_fields[k], state.pressure)
+            for k, state in fields
+            if of_fields
+        ] + [
+            Candidate("phase", average.phase[k], average.points[k], of_phases[k], state.pressure)
+            for k, state in phases
+            if average and of_phases
+        ]
+        comparison = self._compared(model, found)
         return Analysis(
             grid=self._grid,
             inputs=self._inputs,
@@ -295,7 +308,17 @@ class _Work:
             numbers=np.array([field.n for field in self._fields], np.int64),
             reference=question.reference,
             empty=empty,
+            compared=comparison,
         )
+
+    def _compared(self, model: PressureModel | None, candidates: Sequence[Candidate]) -> Compared | None:
+        """The pressure beside another method's; one without a result is a problem, too."""
+        if self._inputs.other_method is None:
+            return None
+        found = compared(self._inputs.other_method, model, self._grid, candidates)
+        if found.reason:
+            self._problems.add(f"no agreement with the other method: {found.reason}")
+        return found
 
     def _states(
         self,

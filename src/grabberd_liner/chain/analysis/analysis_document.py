@@ -25,6 +25,8 @@ WHOLE = (
     "phase_profile",
     "cycles",
     "gaps",
+    "agreement",
+    "agreement_places",
 )
 """Tables in the document; longer ones, with a row for each target, triangle or edge, are separate files."""
 GRID = ("target", "row", "column", "u_mm", "v_mm", "triangles")

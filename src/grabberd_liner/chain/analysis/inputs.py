@@ -19,6 +19,7 @@ sought_kpa: 1                           smallest pressure that the map has to re
 unseen: free                            or mirrored: the half of the wall that no camera sees
 flow_stop: {kpa: 9, sigma_kpa: 1}       contact pressure at the teat's end at which milk just stops flowing
 milk_flow: high                         or low: what the capture's own channel flow reads while milk flows
+agreement: {table: "…", state: greatest, …}   pressures by another method; see `read_other_method`
 average: 10                             fields of a still wall that become one, their mean; n counts the means
 """
 
@@ -37,6 +38,7 @@ from grabberd_liner.analysis.surface.sections import Plane, symmetry_plane
 from grabberd_liner.analysis.vacuum.milk_flow import FlowCurve
 from grabberd_liner.analysis.vacuum.vacuum import ChannelCurve
 from grabberd_liner.analysis.wall.material import Zone, read_zones
+from grabberd_liner.chain.analysis.agreement import OtherMethod, read_other_method
 
 KEYS = (
     "reference",
@@ -50,6 +52,7 @@ KEYS = (
     "unseen",
     "flow_stop",
     "milk_flow",
+    "agreement",
     "average",
 )
 CHAMBERS = ("pulsation", "liner")
@@ -112,6 +115,7 @@ class AnalysisInputs:
             overpressure by the map.
         milk_flow: recorded flow in the short milk tube; None: no overpressure by milk flow.
         channels: what was recorded with the capture itself, by name.
+        other_method: that the pressure is compared with; None: there is none.
         average: number of fields that become one, their mean; 1 leaves them as they are.
         unmet: what profiles were asked for and could not give, in sentences.
     """
@@ -130,6 +134,7 @@ class AnalysisInputs:
     flow_stop_kpa: Estimate | None = None
     milk_flow: FlowCurve | None = None
     channels: Mapping[str, ChannelCurve] = field(default_factory=dict)
+    other_method: OtherMethod | None = None
     average: int = 1
     unmet: tuple[str, ...] = ()
 
@@ -179,6 +184,7 @@ class _Stated(NamedTuple):
     milk_flow: str | None
     empty: bool
     average: int
+    other_method: OtherMethod | None
 
 
 def read_inputs(
@@ -213,6 +219,7 @@ def read_inputs(
         flow_stop_kpa=stated.flow_stop_kpa,
         milk_flow=_milk_flow(stated.milk_flow, channels or {}),
         channels=channels or {},
+        other_method=stated.other_method,
         average=stated.average,
     )
 
@@ -244,6 +251,7 @@ def _stated(reading: Reading, document: Mapping[str, Any]) -> _Stated:
     empty = _empty(reading, document)
     average = reading.integer(document, "average", least=1) if "average" in document else 1
     material = reading.mapping(document, "material") if "material" in document else {}
+    other = read_other_method(reading, document.get("agreement"))
     return _Stated(
         reference,
         material,
@@ -257,6 +265,7 @@ def _stated(reading: Reading, document: Mapping[str, Any]) -> _Stated:
         milk_flow,
         empty,
         average,
+        other,
     )
 
 

@@ -12,6 +12,7 @@ from grabberd.core.arrays import Array
 from grabberd.core.chain.columns import Table, make_table
 from grabberd_liner.analysis.estimate import Estimate, Finding
 from grabberd_liner.analysis.load.pressure import ChamberVacuum, PressureMap
+from grabberd_liner.chain.analysis.agreement import agreement_values, place_values
 from grabberd_liner.chain.analysis.analyse import Analysis, Cycle
 from grabberd_liner.chain.analysis.columns import TABLES
 from grabberd_liner.chain.analysis.inputs import CHAMBERS
@@ -169,6 +170,8 @@ def tables(analysis: Analysis) -> AnalysisTables:
         "cycles": _cycles(analysis),
         "gaps": gap_values(analysis),
         "ramp": ramp_values(analysis.empty, by_name),
+        "agreement": agreement_values(analysis.compared),
+        "agreement_places": place_values(analysis.compared),
         **strain_tables(analysis, fields.keys),
     }
     return {name: make_table(name, spec, values[name]) for name, spec in TABLES.items()}
