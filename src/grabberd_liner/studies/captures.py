@@ -31,7 +31,6 @@ from grabberd_liner.analyses.documents import (
     outdated,
 )
 from grabberd_liner.analyses.store import DOCUMENT, AnalysisStore
-from grabberd_liner.analysis.load.liner_compression import QUANTITIES
 from grabberd_liner.chain.study.study import VERDICT, Found, LeftOut, Meaning, Studied, unanalysed
 
 SINCE, UNTIL = "since", "until"
@@ -240,6 +239,9 @@ def _renamed(row: dict[str, float | str | None]) -> dict[str, float | str | None
     name = RENAMED.get(str(row["name"]))
     if name is None:
         return row
+    # The daemon starts without what computes loads.
+    from grabberd_liner.analysis.load.liner_compression import QUANTITIES  # noqa: PLC0415
+
     now = QUANTITIES[name]
     return {**row, "name": name, "title": now.title, "definition": now.definition}
 
