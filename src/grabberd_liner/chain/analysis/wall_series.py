@@ -222,6 +222,9 @@ def departure_mm(grid: Grid, points: Points) -> float:
 _BATCH = 8
 """Fields evaluated in one batch; larger batches are no faster."""
 
+_STRETCH_MM = 0.3
+"""Of the wall's departure, within which one linearised model mostly holds."""
+
 Note = Callable[[str, Iterable[str]], None]
 
 
@@ -284,14 +287,17 @@ class WallSeries:
         return sorted(found.items())
 
     def _order(self, points: Sequence[Points]) -> list[int]:
-        """Indices of the points, with a pressure from the open wall to the closed one.
+        """Indices of the points, with a pressure from the open wall to the closed one, stretch by stretch.
 
-        Every load is then sought from a known one near it, which takes a third of the time.
+        Every load is then sought from a known one near it. The middle of a stretch comes first: what is
+        linearised there holds to both its sides.
         """
         if self.pressure is None:
             return list(range(len(points)))
-        departures = [departure_mm(self.question.grid, one) for one in points]
-        return [int(k) for k in np.argsort(departures, kind="stable")]
+        departures = np.array([departure_mm(self.question.grid, one) for one in points])
+        stretch = np.floor(departures / _STRETCH_MM)
+        from_middle = np.abs(departures / _STRETCH_MM - stretch - 0.5)
+        return [int(k) for k in np.lexsort((from_middle, stretch))]
 
     def _wall(
         self,
