@@ -282,7 +282,6 @@ def closed_liner_quantities(options: LinerOptions, outer_kpa: Sequence[float]) -
         "teat_end_x_mm": end_mm,
         "teat_load_peak_n_per_mm": float(load[teat].max()),
         "teat_load_n": float(load[teat] @ spans[teat]),
-        "massage_pressure_kpa": mean_kpa,
         _AT_FULL_CLOSURE: float(
             np.average(fullest.compression_kpa[near_end], weights=fullest.spans_mm[near_end])
         ),

@@ -65,8 +65,8 @@ def analyse(  # noqa: PLR0913, PLR0917 - options of a command
 ) -> None:
     """Compute surface, sections, curvature, strain, tension and pressure of a capture, by field and by phase.
 
-    Everything an analysis needs besides the points comes from the inputs file; nothing is assumed, and
-    missing inputs are listed. With --profiles, what the file does not say comes from the profiles of the
+    What an analysis needs besides the points comes from the inputs file; vacuum that was recorded with the
+    capture is taken from there. Where each value comes from, and what is missing, is listed. With --profiles, what the file does not say comes from the profiles of the
     configuration's state directory; the report names each with its version. Writes tables and a report:
     report.html to read, report.json for programs.
 
@@ -148,6 +148,7 @@ def _document(made: "AnalysisOutput", written: list[Path]) -> dict[str, Any]:
             {**one, **{key: finite(one[key]) for key in ("value", "sigma_value", "sigma_common")}}
             for one in _quantities(made)
         ],
+        "taken": dict(made.taken),
         "lacks": list(made.analysis.inputs.lacks),
         "problems": list(made.analysis.problems),
         "files": [str(path) for path in written],
@@ -169,23 +170,36 @@ def _quantities(made: "AnalysisOutput") -> list[dict[str, Any]]:
 
 def _show(made: "AnalysisOutput") -> None:
     from grabberd.reports.notation import measured  # noqa: PLC0415
+    from grabberd_liner.chain.analysis.tables import left_out  # noqa: PLC0415
 
     row = _summary(made)
-    table = Table(title=f"{row['analysed']} of {row['fields']} fields analysed, {row['missing']} missing")
+    shown = Table(title=f"{row['analysed']} of {row['fields']} fields analysed, {row['missing']} missing")
     for heading, side in (("", "left"), ("value", "right"), ("σ", "right")):
-        table.add_column(heading, justify=side)  # type: ignore[arg-type]
+        shown.add_column(heading, justify=side)  # type: ignore[arg-type]
     for name in _SHOWN:
         if math.isfinite(row[name]):
-            table.add_row(name, *measured(row[name], row[f"sigma_{name}"]))
+            shown.add_row(name, *measured(row[name], row[f"sigma_{name}"]))
     for one in _quantities(made):
         if math.isfinite(one["value"]):
             verdict = f", ISO 5707: {one['verdict']}" if one["verdict"] else ""
-            table.add_row(f"{one['name']}{verdict}", *measured(one["value"], one["sigma_value"]))
+            shown.add_row(f"{one['name']}{verdict}", *measured(one["value"], one["sigma_value"]))
     for cells in _ranges(made):
-        table.add_row(*cells)
-    console.print(table)
-    warn(f"not given: {words}" for words in made.analysis.inputs.lacks)
+        shown.add_row(*cells)
+    console.print(shown)
+    warn(_taken(made))
+    warn(f"missing: {words}" for words in made.analysis.inputs.lacks)
+    table = made.tables["quantities"]
+    titles = zip(table.column("title").tolist(), table.column("reason").tolist(), strict=True)
+    warn(f"left out: {words}" for words in left_out(titles))
     warn(made.analysis.problems)
+
+
+def _taken(made: "AnalysisOutput") -> list[str]:
+    """Inputs that nobody gave, by where they come from."""
+    names: dict[str, list[str]] = {}
+    for name, source in made.taken.items():
+        names.setdefault(source, []).append(name)
+    return [f"{', '.join(some)}: {source}" for source, some in names.items()]
 
 
 def _ranges(made: "AnalysisOutput") -> list[tuple[str, str, str]]:

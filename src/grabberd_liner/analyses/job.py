@@ -43,16 +43,16 @@ def resolved_inputs(given: JsonObject, found: FoundProfiles | None, subject: "Su
 
     Args:
         given: Inputs that are given; they win.
-        found: Profiles that complete them; None: they are left as they are.
+        found: Profiles that complete them; None: only vacuum that was recorded with the capture does.
         subject: The capture.
 
     Raises:
         InputError: Profiles contradict the capture.
     """
-    from grabberd_liner.chain.analysis.profile_inputs import Profile, ResolvedInputs, resolve
+    from grabberd_liner.chain.analysis.profile_inputs import Profile, resolve, with_recorded
 
     if found is None:
-        return ResolvedInputs(dict(given))
+        return with_recorded(given, subject)
     labels = {key: plain_name(value) for key, value in found.labels.items()}
     known = [Profile(one.kind, one.name, one.version, one.sha256, one.profile) for one in found.profiles]
     return resolve(labels, known, given, subject)
@@ -92,12 +92,14 @@ class AnalysisOutput:
 
     Attributes:
         captured: Fields of the capture as they were taken: those of the analysis may be means of them.
+        taken: Inputs that nobody gave, by their names, with where each comes from.
     """
 
     analysis: "Analysis"
     tables: "AnalysisTables"
     about: JsonObject
     captured: "Sequence[FieldPoints]"
+    taken: Mapping[str, str]
 
 
 class AnalysisJob(JobSpec):
@@ -189,7 +191,7 @@ def analyse_file(
         common_rig,
         found_light,
         read_source,
-        recorded_quantities,
+        recorded_channels,
     )
     from grabberd_liner.analysis.grid import Grid
     from grabberd_liner.chain.analysis.analyse import analyse
@@ -198,9 +200,9 @@ def analyse_file(
     from grabberd_liner.chain.analysis.tables import tables
     from grabberd_liner.chain.analysis.wall_state import averaged_fields
 
-    recorded = frozenset() if profiles is None else recorded_quantities(path)
+    recorded = recorded_channels(path)
     # Only the wall's equilibrium can use the rays of a single view.
-    single = {"material", "vacuum"} <= _sections(inputs, profiles, recorded)
+    single = {"material", "vacuum"} <= _sections(inputs, profiles, bool(recorded))
     captures = [
         read_source(path, options.run, single),
         *(read_source(burst, None, single) for burst in bursts),
@@ -210,7 +212,11 @@ def analyse_file(
     grid = Grid.of(captures[0].model)
     resolved = resolved_inputs(inputs, profiles, Subject(about["device"], about["object"], grid, recorded))
     channels = channel_curves(path, resolved.inputs)
-    read = replace(read_inputs(resolved.inputs, grid, channels), unmet=tuple(resolved.lacks))
+    read = replace(
+        read_inputs(resolved.inputs, grid, channels),
+        unmet=tuple(resolved.lacks),
+        taken=frozenset(resolved.taken),
+    )
     progress(0.0)
     fields = [averaged_fields(capture.fields, read.average) for capture in captures]
     of_reading = tuple(capture.problem for capture in captures if capture.problem)
@@ -226,6 +232,12 @@ def analyse_file(
         reference=None if options.reference is None else _mean_points(options.reference, captures),
     )
     analysis = replace(analysis, problems=of_reading + analysis.problems)
+    of_channels = {f"vacuum.{name}": one.origin for name, one in channels.items()}
+    taken = {
+        **{name: one for name, one in of_channels.items() if name.partition(".")[2] in read.taken},
+        **resolved.sources,
+        **read.assumed,
+    }
     about = {
         **about,
         "created_utc": iso_utc(SystemClock().utc_now()),
@@ -233,13 +245,9 @@ def analyse_file(
         "pressure_method": PRESSURE_METHOD,
         "bursts": [capture.about["id"] for capture in captures[1:]],
         "profiles": [use_of(one).model_dump() for one in resolved.used],
-        "sources": {
-            **(sources or {}),
-            **resolved.sources,
-            **{f"vacuum.{name}": one.origin for name, one in channels.items()},
-        },
+        "sources": {**(sources or {}), **of_channels, **taken},
     }
-    return AnalysisOutput(analysis, tables(analysis), about, captures[0].fields)
+    return AnalysisOutput(analysis, tables(analysis), about, captures[0].fields, taken)
 
 
 def _mean_points(path: Path, captures: "Sequence[AnalysisSource]") -> "Points":
@@ -255,7 +263,7 @@ def _mean_points(path: Path, captures: "Sequence[AnalysisSource]") -> "Points":
     return mean.timed.points
 
 
-def _sections(inputs: JsonObject, found: FoundProfiles | None, recorded: frozenset[str]) -> set[str]:
+def _sections(inputs: JsonObject, found: FoundProfiles | None, recorded: bool) -> set[str]:
     """Inputs that are given, or may come from a profile or from what was recorded with the capture."""
     kinds = {one.kind for one in found.profiles} if found else set()
     of_kinds = {"liner": "material", "pulsator": "vacuum"}

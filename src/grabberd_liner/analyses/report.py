@@ -80,6 +80,9 @@ def marked_outdated(page: str) -> str:
 
 def values(document: Document) -> dict[str, Any]:
     """Prepare the values of the template; its own comment describes them."""
+    # Not at the head: the daemon marks reports, but never draws them.
+    from grabberd_liner.chain.analysis.tables import left_out  # noqa: PLC0415
+
     tables = {name: Columns(table) for name, table in document["tables"].items()}
     states = states_of(document)
     quantities = _quantities(tables.get("quantities"))
@@ -97,6 +100,7 @@ def values(document: Document) -> dict[str, Any]:
         "heights": heights,
         "distances": [_distances(tables, height) for height in heights],
         "quantities": quantities,
+        "left_out": left_out((one.title, one.reason) for one in quantities),
         "closed_liner": _closed_liner(quantities),
         "has_profile": "phase_profile" in tables and len(tables["phase_profile"]) > 0,
         "cycle_shares": _cycle_shares(tables["summary"]),

@@ -22,7 +22,7 @@ from grabberd_liner.analysis.pulsation.movement import TimedPoints
 from grabberd_liner.analysis.vacuum.light_clock import FoundLight, find_light, logged_light
 from grabberd_liner.analysis.vacuum.vacuum import ChannelCurve
 from grabberd_liner.analysis.vacuum.vacuum_log import read_vacuum_log
-from grabberd_liner.chain.analysis.inputs import BY_LIGHT, CHAMBERS, CHANNEL
+from grabberd_liner.chain.analysis.inputs import BY_LIGHT, CHAMBERS, CHANNEL, channel_of, is_channel
 from grabberd_liner.chain.analysis.wall_state import FieldPoints
 
 _LONGEST_REASON = 200
@@ -243,40 +243,36 @@ def _ledger(ledger: Ledger) -> JsonObject:
     return {"total": ledger.total, "received": ledger.received, "lacking": lacking}
 
 
-def wanted_channels(inputs: Mapping[str, Any]) -> list[str]:
-    """Quantities of the channels that the inputs of an analysis refer to."""
-    vacuum = inputs.get("vacuum")
-    if not isinstance(vacuum, Mapping):
-        return []
-    return [name for name in CHAMBERS if vacuum.get(name) == CHANNEL]
-
-
-def recorded_quantities(path: Path) -> frozenset[str]:
-    """Quantities of which a capture has readings, whether or not it has them for every field.
+def recorded_channels(path: Path) -> dict[str, tuple[str, ...]]:
+    """Names of a capture's channels by the quantity they measure: those with readings, for every field or not.
 
     Raises:
         CaptureFileError: The capture does not exist, or a channel is damaged.
     """
+    found: dict[str, tuple[str, ...]] = {}
     with CaptureReader(path) as reader:
-        channels = [one for one in reader.channels.all if len(reader.channels.read(one.name).time_s)]
-        return frozenset(str(one.quantity) for one in channels)
+        for one in reader.channels.all:
+            if reader.channels.count(one):
+                found[str(one.quantity)] = (*found.get(str(one.quantity), ()), one.name)
+    return found
 
 
 def channel_curves(path: Path, inputs: Mapping[str, Any]) -> dict[str, ChannelCurve]:
-    """The channels that the inputs refer to, by quantity, as far as the capture has them.
+    """The channels that the inputs refer to, by chamber.
 
     Raises:
         CaptureFileError: The capture does not exist, or a channel is damaged.
+        InputError: It has no such channel, or several that could be meant.
     """
-    if not (wanted := wanted_channels(inputs)):
+    vacuum = inputs.get("vacuum")
+    given = vacuum if isinstance(vacuum, Mapping) else {}
+    wanted = [name for name in CHAMBERS if is_channel(given.get(name))]
+    if not wanted:
         return {}
+    recorded = recorded_channels(path)
+    names = {name: channel_of(name, given[name], recorded.get(name, ())) for name in wanted}
     with CaptureReader(path) as reader:
-        by_quantity = {str(one.quantity): one.name for one in reader.channels.all}
-        return {
-            quantity: _curve(quantity, reader.channels.read(by_quantity[quantity]))
-            for quantity in wanted
-            if quantity in by_quantity
-        }
+        return {chamber: _curve(chamber, reader.channels.read(name)) for chamber, name in names.items()}
 
 
 def _curve(quantity: str, readings: ChannelReadings) -> ChannelCurve:
@@ -289,7 +285,7 @@ def _curve(quantity: str, readings: ChannelReadings) -> ChannelCurve:
         kpa=readings.kpa,
         sigma_kpa=calibration.sigma_kpa,
         time_sigma_s=math.hypot(float(readings.time_sigma_ns.max(initial=0)) / 1e9, delay_sigma_s),
-        origin=f"channel {channel.name} of the logger {channel.logger}, {calibrated}",
+        origin=f"channel {channel.name} of this capture (logger {channel.logger}, {calibrated})",
         remark=_remark(readings),
         delay_sigma_s=delay_sigma_s,
         logger=channel.logger,

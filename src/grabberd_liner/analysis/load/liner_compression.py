@@ -40,7 +40,8 @@ QUANTITIES: Mapping[str, Quantity] = {
             "liner_compression_mean_kpa",
             "liner compression, mean",
             "kPa",
-            f"Contact pressure of the closed liner, {_CLOSED}, {_ARC} and {_ON_TEAT}.",
+            f"Contact pressure of the closed liner, {_CLOSED}, {_ARC} and {_ON_TEAT}: the pressure of the "
+            "massage.",
             _LITERATURE,
         ),
         Quantity(
@@ -94,13 +95,6 @@ QUANTITIES: Mapping[str, Quantity] = {
             "s",
             "Duration of wall phase d, during which the liner is closed.",
             "phases of ISO 3918, by the wall's movement",
-        ),
-        Quantity(
-            "massage_pressure_kpa",
-            "massage, pressure",
-            "kPa",
-            "Mean over wall phase d of the liner compression's mean, that is the pressure of the massage.",
-            _LITERATURE,
         ),
         Quantity(
             "overpressure_kpa",
@@ -180,9 +174,7 @@ def liner_compression(
 
 def _of_closed(closed: LoadProfile, heights: TeatHeights, choice: ChosenHeights) -> Iterator[Finding]:
     over = closed.spans_within(heights.first_mm, heights.last_mm)
-    mean = _sum("liner_compression_mean_kpa", closed, over / over.sum(), choice.mean_kpa2)
-    yield mean
-    yield mean._replace(quantity=QUANTITIES["massage_pressure_kpa"])
+    yield _sum("liner_compression_mean_kpa", closed, over / over.sum(), choice.mean_kpa2)
     greatest, greatest_x_mm = _greatest(closed.compression_kpa, heights.teat, closed.x_mm)
     yield _sum("liner_compression_greatest_kpa", closed, greatest)
     yield Finding.shared(QUANTITIES["liner_compression_greatest_x_mm"], greatest_x_mm)

@@ -333,7 +333,18 @@ class _Work:
                 "found; give vacuum.offset, or start_s of the pulsator, instead"
             )
             return None
-        vacuum = read_vacuum(self._inputs.vacuum, pulsation, self._time_s, self._light, self._inputs.channels)
+        try:
+            vacuum = read_vacuum(
+                self._inputs.vacuum, pulsation, self._time_s, self._light, self._inputs.channels
+            )
+            if vacuum and self._inputs.taken:
+                vacuum.at(self._time_s)
+        except InputError as error:
+            # Nobody asked for these channels, so that they cannot cost the shape.
+            if not self._inputs.taken:
+                raise
+            self._problems.add(f"no pressure: {error.message}")
+            return None
         for remark in vacuum.remarks if vacuum else ():
             self._problems.add(remark)
         if vacuum and pulsation and vacuum.is_curve and vacuum.phases is None:
@@ -387,7 +398,7 @@ class _Work:
     def _pressure(self, average: PhaseAverage | None) -> PressureModel | None:
         """Model of the pressure maps; None if one of its inputs is missing."""
         inputs, grid, reference = self._inputs, self._grid, self._reference_state
-        if reference is None or not inputs.zones or inputs.sought_kpa is None:
+        if reference is None or not inputs.zones:
             return None
         if inputs.zones[0].material.ends_mm is None or "pulsation" not in inputs.vacuum:
             return None

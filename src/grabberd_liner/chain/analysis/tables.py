@@ -4,7 +4,7 @@ triangle or edge.
 The field's own quantities in an analysis: each with σ, or with the reason why it is missing.
 """
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -56,6 +56,20 @@ def quantities(analysis: Analysis) -> tuple[Finding, ...]:
         *_lags(analysis),
         *_of_the_ramp(analysis),
     )
+
+
+def left_out(reasons: Iterable[tuple[str, str]]) -> list[str]:
+    """Quantities without a value, those that lack the same together, in sentences.
+
+    Args:
+        reasons: title of each quantity, and why it has no value; empty if it has one. What only captures of
+            another kind have is not left out of this one.
+    """
+    lacking: dict[str, list[str]] = {}
+    for title, reason in reasons:
+        if reason and reason not in (_NO_RAMP, _NO_TEAT):
+            lacking.setdefault(reason, []).append(title)
+    return [f"{', '.join(titles)}: {reason}" for reason, titles in lacking.items()]
 
 
 def _without_phases(analysis: Analysis) -> str:
