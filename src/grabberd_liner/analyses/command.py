@@ -173,7 +173,9 @@ def _show(made: "AnalysisOutput") -> None:
     from grabberd_liner.chain.analysis.tables import left_out  # noqa: PLC0415
 
     row = _summary(made)
-    shown = Table(title=f"{row['analysed']} of {row['fields']} fields analysed, {row['missing']} missing")
+    whole = " (a ramp needs no more)" if made.analysis.empty else ""
+    fields = f"{row['analysed']} of {row['fields']} fields analysed{whole}, {row['missing']} missing"
+    shown = Table(title=fields)
     for heading, side in (("", "left"), ("value", "right"), ("σ", "right")):
         shown.add_column(heading, justify=side)  # type: ignore[arg-type]
     for name in _SHOWN:

@@ -6,6 +6,7 @@ where it is used: the daemon declares the job, but never analyses.
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -192,6 +193,7 @@ def analyse_file(
         found_light,
         read_source,
         recorded_channels,
+        single_view,
     )
     from grabberd_liner.analysis.grid import Grid
     from grabberd_liner.chain.analysis.analyse import analyse
@@ -203,8 +205,10 @@ def analyse_file(
     recorded = recorded_channels(path)
     # Only the wall's equilibrium can use the rays of a single view.
     single = {"material", "vacuum"} <= _sections(inputs, profiles, bool(recorded))
+    # A ramp needs those of a few fields.
+    later = inputs.get("teat") == "none" and "average" not in inputs
     captures = [
-        read_source(path, options.run, single),
+        read_source(path, options.run, single, later=later),
         *(read_source(burst, None, single) for burst in bursts),
     ]
     check_same_model(captures)
@@ -230,6 +234,7 @@ def analyse_file(
         light,
         pulsating=options.pulsating and not read.empty,
         reference=None if options.reference is None else _mean_points(options.reference, captures),
+        images=partial(single_view, path, captures[0].fields, options.run) if single and later else None,
     )
     analysis = replace(analysis, problems=of_reading + analysis.problems)
     of_channels = {f"vacuum.{name}": one.origin for name, one in channels.items()}

@@ -1,8 +1,9 @@
 """Sources of an analysis in a capture: points, object model, a single view's images, recorded channels."""
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from itertools import chain
 from pathlib import Path
 from textwrap import shorten
 from typing import Any
@@ -13,9 +14,10 @@ from grabberd.archive.capture.rows import RunInfo
 from grabberd.archive.measure_setups import measure_setup
 from grabberd.core.chain.measure import MeasureSetup, single_view_images
 from grabberd.core.channels import Dating, Quantity
+from grabberd.core.field import NumberedField
 from grabberd.core.geometry import Calibration, Rig
 from grabberd.core.ledger import Ledger
-from grabberd.core.reconstruction import ObjectModel
+from grabberd.core.reconstruction import ObjectModel, Points, SingleViewImages
 from grabberd.documents.document import JsonObject
 from grabberd.errors import InputError, NotReady
 from grabberd_liner.analysis.pulsation.movement import TimedPoints
@@ -49,7 +51,7 @@ class AnalysisSource:
     problem: str | None
 
 
-def read_source(path: Path, run: int | None, single: bool) -> AnalysisSource:
+def read_source(path: Path, run: int | None, single: bool, *, later: bool = False) -> AnalysisSource:
     """Reads a capture.
 
     Points need nothing but themselves, so a run whose calibration or settings this version cannot read only
@@ -59,6 +61,7 @@ def read_source(path: Path, run: int | None, single: bool) -> AnalysisSource:
         path: The capture.
         run: The run whose points are read; None for the latest.
         single: True if the images of targets that one view alone sees are wanted.
+        later: True if `single_view` reads them, of a few fields.
 
     Raises:
         CaptureFileError, NotFound: The capture or the run does not exist.
@@ -72,11 +75,9 @@ def read_source(path: Path, run: int | None, single: bool) -> AnalysisSource:
         first_ns = reader.first_time_ns or 0
         timed = {n: (time_ns, points) for n, time_ns, points in reader.timed_points(info.run)}
         setup, problem = _setup(path, info) if single else (None, None)
-        if setup is not None:
+        if setup is not None and not later:
             points_of = {n: points for n, (_, points) in timed.items()}
-            for n, images in single_view_images(
-                reader.received(), points_of, setup, lambda _: reader.marks_before()
-            ):
+            for n, images in _images(reader, reader.received(), points_of, setup):
                 timed[n] = timed[n][0], replace(points_of[n], single=images)
         fields = [
             FieldPoints(n, TimedPoints((time_ns - first_ns) / 1e9, points))
@@ -84,6 +85,32 @@ def read_source(path: Path, run: int | None, single: bool) -> AnalysisSource:
         ]
         calibration = info.made_with.get("calibration") if setup else None
         return AnalysisSource(fields, model, calibration, _origin(reader, info), problem)
+
+
+def single_view(
+    path: Path, fields: Sequence[FieldPoints], run: int | None, numbers: Sequence[int]
+) -> dict[int, SingleViewImages]:
+    """The images of targets that one view alone sees in some fields of a capture, by the field's number."""
+    with CaptureReader(path) as reader:
+        setup, _ = _setup(path, reader.run(run))
+        if setup is None:
+            return {}
+        points_of = {one.n: one.timed.points for one in fields if one.n in numbers}
+        # What is known of the marks in one field counts in the next ones.
+        if reader.meta.config.get("marks"):
+            wanted = reader.received()
+        else:
+            wanted = chain.from_iterable(reader.received(n, n + 1) for n in sorted(points_of))
+        return dict(_images(reader, wanted, points_of, setup))
+
+
+def _images(
+    reader: CaptureReader,
+    fields: Iterable[NumberedField],
+    points: Mapping[int, Points],
+    setup: MeasureSetup,
+) -> Iterator[tuple[int, SingleViewImages]]:
+    return single_view_images(fields, points, setup, lambda _: reader.marks_before())
 
 
 def read_origin(path: Path, run: int | None) -> tuple[JsonObject, ObjectModel]:

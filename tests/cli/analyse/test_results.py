@@ -97,8 +97,8 @@ def test_without_inputs_there_is_the_shape_and_what_lacks_is_said(resting: Path,
     words = said(run(resting, "--out", tmp_path / "out"))
     assert "3 of 3 fields analysed" in words
     assert re.search(r"area_mm2, range over the fields │ [\d.]+ … [\d.]+ │ 0\.\d\d ", words)
-    for lacking in ("reference", "material", "vacuum.pulsation", "sought_kpa"):
-        assert f"not given: {lacking}: without it" in words
+    for lacking in ("reference", "material", "vacuum.pulsation", "flow_stop"):
+        assert f"missing: {lacking}: without it" in words
     assert words.count("only 3 fields: too few for a movement") == 1
     assert written(tmp_path / "out") == CSV | {"report.json"}
 

@@ -13,6 +13,7 @@ from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
+from scipy import sparse
 
 from grabberd.core.arrays import Array, Indices, Mask
 from grabberd_liner.analysis.estimate import Estimate
@@ -43,7 +44,7 @@ class OuterFace:
     Attributes:
         lattice: of the wall's model.
         control_mm: (K, 3) control values over the lattice.
-        target_covariance_mm2: (3 T, 3 T) of the targets' places, in the liner's frame.
+        target_covariance_mm2: (3, T, 3 T) of the targets' places, in the object's frame: by axis and target.
         supported: as in `Surface`; `misfit`; `problems`.
     """
 
@@ -68,9 +69,8 @@ class OuterFace:
         values, members = self.lattice.splines(u_mm, v_mm, 1)
         by_targets = (values @ self.lattice.by_targets[members])[:, 0]
         count = by_targets.shape[1]
-        covariance = self.target_covariance_mm2.reshape(count, 3, count, 3)
-        each = [np.tensordot(covariance @ axis, axis, (1, 0)) for axis in self.lattice.axes.T]
-        variances = [((by_targets @ one) * by_targets).sum(axis=1) for one in each]
+        of_axes = (one[:, k * count : (k + 1) * count] for k, one in enumerate(self.target_covariance_mm2))
+        variances = [np.einsum("nt,nt->n", by_targets @ one, by_targets) for one in of_axes]
         variance = np.stack(variances, axis=1)
         places = (values @ self.control_mm[members])[:, 0]
         return Estimate(places, np.sqrt(np.maximum(variance, 0.0)))
@@ -86,12 +86,12 @@ class OuterFace:
         values, members = self.lattice.splines(u_mm, v_mm, derivatives)
         each = values.transpose(0, 2, 1) @ weights.transpose(1, 2, 0, 3).reshape(places, derivatives, -1)
         flat, size = members.ravel(), len(self.control_mm)
-        columns = each.reshape(-1, 3 * count).T
-        by_lattice = np.stack([np.bincount(flat, column, size) for column in columns], axis=1)
-        by_targets = self.lattice.by_targets.T @ by_lattice
-        gradient = by_targets.reshape(-1, count, 3).transpose(1, 0, 2) @ self.lattice.axes.T
-        gradient = gradient.reshape(count, -1)
-        return gradient @ self.target_covariance_mm2 @ gradient.T
+        gather = sparse.csr_matrix((np.ones(len(flat)), flat, np.arange(len(flat) + 1)), (len(flat), size))
+        by_targets = self.lattice.by_targets.T @ (gather.T @ each.reshape(-1, 3 * count))
+        # By axis and target, as the covariance is.
+        gradient = by_targets.reshape(-1, count, 3).transpose(1, 2, 0).reshape(count, -1)
+        covariance = self.target_covariance_mm2.reshape(gradient.shape[1], -1)
+        return np.asarray(gradient @ covariance @ gradient.T, np.float64)
 
 
 class FaceLattice:
@@ -137,9 +137,16 @@ class FaceLattice:
         tube = model.tube(found.parameters)
         in_frame = self._places.places_mm(model.half, found.control, tube)
         places_mm = mounting.frame.origin_mm + in_frame @ mounting.frame.axes
-        covariance = found.places_covariance(mounting.shared_mm2)
+        covariance = self._in_object_frame(found.places_covariance(mounting.shared_mm2))
         misfit = float(found.outlying.sum()) / len(found.sights)
         return OuterFace(self, self._spline @ places_mm, covariance, supported, misfit, problems)
+
+    def _in_object_frame(self, covariance_mm2: Array) -> Array:
+        """(3, T, 3 T) by axis and target, of a covariance (3 T, 3 T) by target and axis of the liner's."""
+        count = len(covariance_mm2) // 3
+        by_target = covariance_mm2.reshape(count, 3, count, 3).transpose(1, 3, 0, 2).reshape(3, -1)
+        half = (self.axes.T @ by_target).reshape(3, 3, -1)
+        return (self.axes.T @ half).reshape(3, 3, count, count).transpose(0, 2, 1, 3).reshape(3, count, -1)
 
     def splines(self, u_mm: Array, v_mm: Array, count: int) -> tuple[Array, Indices]:
         """Values, derivatives by u and by v, as many as are wanted, of the splines that matter.

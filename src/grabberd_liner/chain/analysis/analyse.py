@@ -2,7 +2,7 @@
 
 from collections import Counter
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 from typing import NamedTuple, TypeVar
 
@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from grabberd.core.arrays import Array
 from grabberd.core.geometry import Rig
-from grabberd.core.reconstruction import Points
+from grabberd.core.reconstruction import Points, SingleViewImages
 from grabberd.errors import AnalysisError, InputError
 from grabberd_liner.analysis.grid import Grid, NominalShape
 from grabberd_liner.analysis.load.pressure import ChamberVacuum, PressureModel, Touch, first_touch
@@ -124,6 +124,7 @@ def _some(names: Sequence[str]) -> str:
 
 
 Progress = Callable[[int, int], None]
+Images = Callable[[Sequence[int]], Mapping[int, SingleViewImages]]
 
 
 _NOT_TRACKED = "the object's targets are other points of the wall in every field"
@@ -159,7 +160,7 @@ class Analysis:
         source: source of the vacuum, with the offset of its clock.
         touch: onset of pressure, as an index into `fields`.
         problems: problems that did not end the analysis, as sentences.
-        numbers: (F,) numbers of all fields of the capture that have points.
+        numbers: (F,) numbers of all fields of the capture that have points; `time_s`: (F,) their times.
         reference: reference state of the strain, as in `Question`.
         empty: what a ramp with the empty liner says; None for a capture with a teat.
     """
@@ -178,6 +179,7 @@ class Analysis:
     touch: Touch | None
     problems: tuple[str, ...]
     numbers: NDArray[np.int64]
+    time_s: Array
     reference: Surface | Jets | None
     empty: EmptyLiner | None = None
 
@@ -192,6 +194,7 @@ def analyse(
     *,
     pulsating: bool = False,
     reference: Points | None = None,
+    images: Images | None = None,
 ) -> Analysis:
     """Analyses a capture.
 
@@ -204,6 +207,8 @@ def analyse(
         light: that relates the clocks of camera and logger, for `vacuum.offset: light`.
         pulsating: True to refuse, before the long work, a capture whose wall does not pulsate.
         reference: points of the reference state, where that is another capture.
+        images: gives the images of targets that one view alone sees, where the points lack them: a ramp needs
+            those of a few fields.
 
     Raises:
         AnalysisError: no field determines a surface, or the reference state does not; or the wall does not
@@ -214,7 +219,7 @@ def analyse(
         raise AnalysisError(
             "the capture has no points", "measure it first; its fields have to show the object"
         )
-    work = _Work(captures, grid, inputs, progress or (lambda done, of: None), rig, light, reference)
+    work = _Work(captures, grid, inputs, progress or (lambda done, of: None), rig, light, reference, images)
     return work.whole(pulsating=pulsating)
 
 
@@ -230,9 +235,10 @@ class _Work:
         rig: Rig | None,
         light: FoundLight | None,
         open_liner: Points | None,
+        images: Images | None,
     ) -> None:
         self._grid, self._inputs, self._progress, self._rig = grid, inputs, progress, rig
-        self._light, self._open_liner = light, open_liner
+        self._light, self._open_liner, self._images = light, open_liner, images
         self._timed = [[field.timed for field in capture] for capture in captures]
         self._fields = tuple(captures[0])
         self._time_s = np.array([field.timed.time_s for field in captures[0]])
@@ -259,29 +265,32 @@ class _Work:
         if homologous:
             self._reference_state = self._existing(self._inputs.reference, average)
         vacuum = self._vacuum(pulsation) if homologous else None
-        fields_points = [timed.points for timed in self._timed[0]]
-        smoothings = Smoothings.of(self._grid, fields_points) if homologous else None
+        empty = self._empty(vacuum)
+        chosen = list(empty.shown) if empty else list(range(len(self._fields)))
+        points = [self._fields[k].timed.points for k in chosen]
+        smoothings = Smoothings.of(self._grid, points) if homologous else None
         question = self._question(smoothings, average)
         model = self._pressure(average) if vacuum and not self._inputs.empty else None
-        of_fields = vacuum.at(self._time_s) if vacuum else []
+        time_s = self._time_s[chosen]
+        of_fields = vacuum.at(time_s) if vacuum else []
         of_phases = self._of_phases(vacuum, average, pulsation)
         speeds = [
-            movements[0].speed_mm_per_s(self._time_s) if movements else np.zeros(len(self._fields)),
+            movements[0].speed_mm_per_s(time_s) if movements else np.zeros(len(chosen)),
             pulsation.speed_mm_per_s(average.phase) if pulsation and average else np.empty(0),
         ]
         series = WallSeries(question, smoothings, model, self._problems.note, self._progress)
-        fields, phases = self._states(series, average, [of_fields, of_phases], speeds)
+        names = [f"field {self._fields[k].n}" for k in chosen]
+        fields, phases = self._states(series, [points, names], average, [of_fields, of_phases], speeds)
         if not fields:
             raise AnalysisError(
                 f"none of {len(self._fields)} fields has a surface: {self._problems.most_frequent}",
                 "look at the capture's points: are they of this object model?",
             )
         states = tuple(state for _, state in fields)
-        empty = self._empty(vacuum, fields_points)
         return Analysis(
             grid=self._grid,
             inputs=self._inputs,
-            fields=tuple(self._fields[k] for k, _ in fields),
+            fields=tuple(self._fields[chosen[k]] for k, _ in fields),
             movement=movements[0] if movements else None,
             cycle=self._cycle(movements, pulsation, average, vacuum),
             states=states,
@@ -293,6 +302,7 @@ class _Work:
             touch=self._touch(states),
             problems=self._problems.all(),
             numbers=np.array([field.n for field in self._fields], np.int64),
+            time_s=self._time_s,
             reference=question.reference,
             empty=empty,
         )
@@ -300,6 +310,7 @@ class _Work:
     def _states(
         self,
         series: WallSeries,
+        of_fields: tuple[Sequence[Points], Sequence[str]],
         average: PhaseAverage | None,
         vacuums: Sequence[Sequence[ChamberVacuum]],
         speeds_mm_per_s: Sequence[Array],
@@ -308,16 +319,17 @@ class _Work:
 
         Args:
             series: recipe for the states.
+            of_fields: points of the fields, and their names.
             average: the mean cycle.
             vacuums: at each field and at each phase; empty if unknown.
             speeds_mm_per_s: (F,) and (P,) of the target that moves fastest.
         """
-        count, averaged = len(self._fields), list(average.points) if average else []
-        names = [f"field {field.n}" for field in self._fields]
+        points, names = map(list, of_fields)
+        count, averaged = len(points), list(average.points) if average else []
         names += [f"phase {phase:g}" for phase in average.phase] if average else []
         # Phases pass through the same states of the wall as fields, so both are sought together.
         found = series.states(
-            [*(timed.points for timed in self._timed[0]), *averaged],
+            [*points, *averaged],
             names,
             _each(vacuums[0], count) + _each(vacuums[1], len(averaged)),
             np.concatenate(speeds_mm_per_s),
@@ -351,16 +363,29 @@ class _Work:
             self._problems.add("the vacuum's curve holds no whole cycle, so it has no ISO phases")
         return vacuum
 
-    def _empty(self, vacuum: Vacuum | None, points: Sequence[Points]) -> EmptyLiner | None:
+    def _empty(self, vacuum: Vacuum | None) -> EmptyLiner | None:
         """Result of a ramp; None, with a problem, if there is none."""
         inputs = self._inputs
         if not inputs.empty or inputs.reference is None or not inputs.zones or vacuum is None:
             return None
-        reference = (
-            None if inputs.reference.kind == "nominal" else self._reference_points(inputs.reference, None)
-        )
-        of_fields = vacuum.at(self._time_s)
-        return empty_liner(self._grid, inputs, reference, points, of_fields, self._rig, self._problems.add)
+        stated, reference = inputs.reference, None
+        if stated.kind != "nominal":
+            reference = self._reference_points(stated, None)
+            numbers = [field.n for field in self._fields]
+            if stated.kind == "field":
+                (reference,) = self._with_images([numbers.index(int(stated.value))])
+        points = [timed.points for timed in self._timed[0]]
+        given = inputs, reference, points, vacuum.at(self._time_s), self._rig
+        return empty_liner(self._grid, *given, self._with_images, self._problems.add)
+
+    def _with_images(self, indices: Sequence[int]) -> list[Points]:
+        """Points of some fields, with the images of targets that one view alone sees where these are known."""
+        fields = [self._fields[k] for k in indices]
+        images = self._images([one.n for one in fields]) if self._images else {}
+        return [
+            replace(one.timed.points, single=images[one.n]) if one.n in images else one.timed.points
+            for one in fields
+        ]
 
     def _of_phases(
         self, vacuum: Vacuum | None, average: PhaseAverage | None, pulsation: Pulsation | None

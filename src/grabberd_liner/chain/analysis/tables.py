@@ -47,12 +47,13 @@ def quantities(analysis: Analysis) -> tuple[Finding, ...]:
     """
     cycle, vacuum = analysis.cycle, analysis.source.phases if analysis.source else None
     wall, reason = cycle.wall if cycle else None, _without_phases(analysis)
+    no_curve = _NO_TEAT if analysis.inputs.empty else NO_CURVE
     return (
         *_of_the_load(analysis),
         *movement_quantities(cycle.pulsation if cycle else None, reason),
         *wall_quantities(wall, reason),
-        *vacuum_quantities(vacuum, NO_CURVE),
-        *pulsator_limits(vacuum),
+        *vacuum_quantities(vacuum, no_curve),
+        *pulsator_limits(vacuum, no_curve),
         *_lags(analysis),
         *_of_the_ramp(analysis),
     )
@@ -106,7 +107,7 @@ def _of_the_load(analysis: Analysis) -> tuple[Finding, ...]:
     if any(profiles):
         return found.findings
     # That no load is known has a cause, which the inputs may tell.
-    lacks = [text.partition(":")[0] for text in analysis.inputs.lacks if "pressure" in text]
+    lacks = [text.partition(":")[0] for text in analysis.inputs.lacks if " pressure" in text]
     if not lacks:
         return found.findings
     said = f"there is no pressure without {', '.join(dict.fromkeys(lacks))}"

@@ -18,8 +18,8 @@ from grabberd.core.reconstruction import Points
 from grabberd.errors import AnalysisError
 from grabberd_liner.analysis.estimate import Estimate, Finding
 from grabberd_liner.analysis.grid import Grid
-from grabberd_liner.analysis.load.collapse import Collapse, RampLevel, collapse
-from grabberd_liner.analysis.load.empty_ramp import COLLAPSE, VALUES, LinerValues, liner_values
+from grabberd_liner.analysis.load.collapse import Collapse, RampLevel, collapse, crest_heights
+from grabberd_liner.analysis.load.empty_ramp import COLLAPSE, VALUES, LinerValues, liner_values, used_levels
 from grabberd_liner.analysis.load.pressure import ChamberVacuum, PressureMap, PressureModel, SettledWall
 from grabberd_liner.analysis.load.wall_model import Difference
 from grabberd_liner.analysis.surface.fitting import choose_smoothing, fit_surface, left_out_problems, possible
@@ -39,15 +39,39 @@ _MOST_LEVELS = 400
 _DIGITS = 5
 
 
+_FEW = 9
+"""Fields whose wall is computed where a ramp's own values are not found: as many as give them."""
+
+WithImages = Callable[[Sequence[int]], Sequence[Points]]
+"""Points of some fields, by their indices, with the images of targets that one view alone sees."""
+
+
+class RampCourse(NamedTuple):
+    """Course of a ramp over its F fields.
+
+    Attributes:
+        difference_kpa: (F,) the pressure difference.
+        height_mm: (F,) of the inner face over the plane of symmetry, in the row whose walls meet first; NaN
+            in fields that were not looked at.
+    """
+
+    difference_kpa: Estimate
+    height_mm: Estimate
+
+
 class EmptyLiner(NamedTuple):
     """Result of a ramp; None for what it does not determine.
 
     Attributes:
+        course: of the ramp.
+        shown: indices of the fields that the values are from, or of a few, whose wall is worth computing.
         values: the liner's own values, with `material`: the given one with these values.
         collapse: pressure differences at which it buckles and at which its walls touch.
         reasons: why there are no values, and why there is no collapse; empty where there are.
     """
 
+    course: RampCourse
+    shown: tuple[int, ...]
     values: LinerValues | None
     material: Material | None
     collapse: Collapse | None
@@ -61,9 +85,10 @@ def empty_liner(
     points: Sequence[Points],
     vacuum: Sequence[ChamberVacuum],
     rig: Rig | None,
+    with_images: WithImages,
     note: Callable[[str], None],
 ) -> EmptyLiner:
-    """Evaluates a ramp.
+    """Evaluates a ramp; of all but the few fields that it needs, only the crest's height is looked at.
 
     Args:
         grid: targets of the object model.
@@ -72,6 +97,7 @@ def empty_liner(
         points: of the fields.
         vacuum: at each of the fields.
         rig: whose views saw the points; None if targets that one view alone sees are of no use.
+        with_images: gives points with the images of such targets.
         note: takes note of a problem: why the data do not determine a result.
 
     Raises:
@@ -79,17 +105,31 @@ def empty_liner(
     """
     material, common_kpa = _material(inputs), _common_sigma_kpa(inputs)
     every = -(-len(points) // _MOST_LEVELS)
-    levels = [
-        RampLevel(one, _difference(at, common_kpa))
-        for one, at in zip(points[::every], vacuum[::every], strict=True)
-        if len(one)
-    ]
+    looked_at = [k for k in range(0, len(points), every) if len(points[k])]
+    levels = [RampLevel(points[k], _difference(vacuum[k], common_kpa)) for k in looked_at]
+    used, _ = _tried(lambda: used_levels(grid, material, reference, levels))
+    shown = [looked_at[k] for k in used or np.linspace(0, len(levels) - 1, _FEW).round().astype(int)]
+    if used:
+        for k, one in zip(used, with_images(shown), strict=True):
+            levels[k] = levels[k]._replace(points=one)
     values, no_values = _tried(lambda: liner_values(grid, material, reference, levels, common_kpa, rig))
     found = values.material(material) if values else None
     ends, no_ends = _tried(lambda: collapse(grid, found or material, reference, levels, common_kpa))
     for reason in filter(None, (no_values, no_ends)):
         note(reason)
-    return EmptyLiner(values, found, ends, (no_values, no_ends))
+    heights, _ = _tried(lambda: crest_heights(grid, found or material, reference, levels))
+    course = _course(vacuum, looked_at, heights)
+    return EmptyLiner(course, tuple(sorted(set(shown))), values, found, ends, (no_values, no_ends))
+
+
+def _course(
+    vacuum: Sequence[ChamberVacuum], looked_at: Sequence[int], heights: Estimate | None
+) -> RampCourse:
+    differences = np.array([(one.difference_kpa, one.difference_sigma_kpa) for one in vacuum])
+    height_mm = Estimate(*np.full((2, len(vacuum)), np.nan))
+    if heights is not None:
+        height_mm.value[looked_at], height_mm.sigma[looked_at] = heights
+    return RampCourse(Estimate(*differences.T), height_mm)
 
 
 def _tried(function: Callable[[], T]) -> tuple[T | None, str]:
@@ -102,7 +142,7 @@ def _tried(function: Callable[[], T]) -> tuple[T | None, str]:
 
 def ramp_values(empty: EmptyLiner | None, found: Mapping[str, Finding]) -> dict[str, Any]:
     """Values of the table `ramp` by column name; the quantities among them are given by name."""
-    values, material, *_ = empty or EmptyLiner(None, None, None)
+    values, material = (empty.values, empty.material) if empty else (None, None)
     rows = 0 if empty is None else 1
     quantities = {name: found[name].estimate for name in (*VALUES, *COLLAPSE)}
     return {
