@@ -42,7 +42,9 @@ def analysis_inputs_schema() -> Schema:
             "plane": or_nothing(_plane(), "Origin of widths, areas and volume."),
             "heights_mm": or_nothing(heights, "Heights of the sections: x in the object's frame."),
             "phases": integer("States of the mean cycle.", least=2, most=MOST_PHASES),
-            "sought_kpa": positive(f"Smallest pressure that the map has to resolve; default: {SOUGHT_KPA:g}."),
+            "sought_kpa": positive(
+                f"Smallest pressure that the map has to resolve; default: {SOUGHT_KPA:g}."
+            ),
             "unseen": one_of(*UNSEEN, description="What stands for the half that no camera sees."),
             "flow_stop": or_nothing(flow_stop, "Pressure on the teat's end at which milk stops flowing."),
             "average": integer("Fields of a still wall that become one, their mean.", least=1),

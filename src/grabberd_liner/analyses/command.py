@@ -66,9 +66,9 @@ def analyse(  # noqa: PLR0913, PLR0917 - options of a command
     """Compute surface, sections, curvature, strain, tension and pressure of a capture, by field and by phase.
 
     What an analysis needs besides the points comes from the inputs file; vacuum that was recorded with the
-    capture is taken from there. Where each value comes from, and what is missing, is listed. With --profiles, what the file does not say comes from the profiles of the
-    configuration's state directory; the report names each with its version. Writes tables and a report:
-    report.html to read, report.json for programs.
+    capture is taken from there. What is missing is listed, and where each value comes from. With --profiles,
+    what the file does not say comes from the profiles of the configuration's state directory. Writes tables
+    and a report: report.html to read, report.json for programs.
 
     Example: grabberd analyse liner.grab --inputs configs/analysis/liner.yaml --out liner-analysis
 

@@ -200,7 +200,7 @@ def analyse_file(
     from grabberd_liner.chain.analysis.inputs import read_inputs
     from grabberd_liner.chain.analysis.profile_inputs import Subject
     from grabberd_liner.chain.analysis.tables import tables
-    from grabberd_liner.chain.analysis.wall_state import averaged_fields
+    from grabberd_liner.chain.analysis.wall_state import SingleViews, averaged_fields
 
     recorded = recorded_channels(path)
     # Only the wall's equilibrium can use the rays of a single view.
@@ -225,16 +225,16 @@ def analyse_file(
     fields = [averaged_fields(capture.fields, read.average) for capture in captures]
     of_reading = tuple(capture.problem for capture in captures if capture.problem)
     light = found_light(path, read.vacuum)
+    images = partial(single_view, path, captures[0].fields, options.run) if single and later else None
     analysis = analyse(
         fields,
         grid,
         read,
         lambda done, of: progress(done / max(of, 1)),
-        common_rig(captures),
+        SingleViews(common_rig(captures), images),
         light,
         pulsating=options.pulsating and not read.empty,
         reference=None if options.reference is None else _mean_points(options.reference, captures),
-        images=partial(single_view, path, captures[0].fields, options.run) if single and later else None,
     )
     analysis = replace(analysis, problems=of_reading + analysis.problems)
     of_channels = {f"vacuum.{name}": one.origin for name, one in channels.items()}

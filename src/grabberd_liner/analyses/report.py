@@ -90,6 +90,7 @@ def values(document: Document) -> dict[str, Any]:
     return {
         "tables": tables,
         "states": states,
+        "is_ramp": "ramp" in tables and len(tables["ramp"]) > 0,
         "is_known": lambda name: any(state.columns.is_known(name) for state in states),
         "peak": _peak(tables),
         "outdated": is_outdated(document.get("pressure_method"), _peak(tables) is not None),

@@ -271,7 +271,7 @@ def _ledger(ledger: Ledger) -> JsonObject:
 
 
 def recorded_channels(path: Path) -> dict[str, tuple[str, ...]]:
-    """Names of a capture's channels by the quantity they measure: those with readings, for every field or not.
+    """Names of a capture's channels that have readings, for every field or not, by the quantity they measure.
 
     Raises:
         CaptureFileError: The capture does not exist, or a channel is damaged.

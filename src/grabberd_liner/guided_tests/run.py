@@ -294,7 +294,10 @@ def _inputs(
     }
     vacuum = {**of_recipe, **given}
     said = f"the recipe {recipe.kind}"
-    from_recipe = [*(name for name in stated if name not in inputs), *(f"vacuum.{name}" for name in of_recipe)]
+    from_recipe = [
+        *(name for name in stated if name not in inputs),
+        *(f"vacuum.{name}" for name in of_recipe),
+    ]
     whole = {**stated, **inputs, **({"vacuum": vacuum} if vacuum else {})}
     return whole, dict.fromkeys(from_recipe, said)
 

@@ -25,7 +25,9 @@ def test_they_are_on_the_time_axis_of_the_points_in_kpa(tmp_path):
 
 def test_their_origin_is_told_with_the_date_of_the_calibration(tmp_path):
     found = channel_curves(write_with_channels(tmp_path, slots(FIELDS)), BOTH)
-    assert found["pulsation"].origin == "channel pulsation of this capture (logger tank, calibrated 2026-02-03)"
+    assert (
+        found["pulsation"].origin == "channel pulsation of this capture (logger tank, calibrated 2026-02-03)"
+    )
     assert found["liner"].origin == "channel liner of this capture (logger tank, never calibrated)"
     assert found["liner"].remark is None
 

@@ -195,8 +195,8 @@ class LoadSeries:
         Raises:
             AnalysisError: the wall does not settle.
         """
-        if near is not None and (found := near.by(mean)).longest_mm < REACH_MM:
-            return found
+        if near is not None and (same := near.by(mean)).longest_mm < REACH_MM:
+            return same
         found = self._near_known(sights, difference, mean)
         if found is None or found.j > MISFIT_ALARM:
             begun = self._begun(sights, difference, mean)

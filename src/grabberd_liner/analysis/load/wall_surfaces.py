@@ -87,7 +87,8 @@ class OuterFace:
         each = values.transpose(0, 2, 1) @ weights.transpose(1, 2, 0, 3).reshape(places, derivatives, -1)
         flat, size = members.ravel(), len(self.control_mm)
         gather = sparse.csr_matrix((np.ones(len(flat)), flat, np.arange(len(flat) + 1)), (len(flat), size))
-        by_targets = self.lattice.by_targets.T @ (gather.T @ each.reshape(-1, 3 * count))
+        by_lattice = np.asarray(gather.T @ each.reshape(-1, 3 * count), np.float64)
+        by_targets = self.lattice.by_targets.T @ by_lattice
         # By axis and target, as the covariance is.
         gradient = by_targets.reshape(-1, count, 3).transpose(1, 2, 0).reshape(count, -1)
         covariance = self.target_covariance_mm2.reshape(gradient.shape[1], -1)

@@ -329,7 +329,7 @@ def _with_radius(material: Material, grid: Grid) -> Material:
     face_mm = NominalShape.of(grid).radius_mm
     if not face_mm:
         raise InputError(
-            "the wall's material lacks radius_mm, and the object model's targets lie on no tube that shows it",
+            "the wall's material lacks radius_mm, and the object model's targets lie on no tube",
             _DOCUMENT_HINT,
         )
     return replace(material, radius_mm=face_mm - material.depth_mm)

@@ -2,7 +2,7 @@
 
 from collections import Counter
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from itertools import pairwise
 from typing import NamedTuple, TypeVar
 
@@ -10,8 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from grabberd.core.arrays import Array
-from grabberd.core.geometry import Rig
-from grabberd.core.reconstruction import Points, SingleViewImages
+from grabberd.core.reconstruction import Points
 from grabberd.errors import AnalysisError, InputError
 from grabberd_liner.analysis.grid import Grid, NominalShape
 from grabberd_liner.analysis.load.pressure import ChamberVacuum, PressureModel, Touch, first_touch
@@ -28,7 +27,7 @@ from grabberd_liner.analysis.wall.strain import Places, nominal_places, outer_pl
 from grabberd_liner.chain.analysis.inputs import AnalysisInputs, Reference
 from grabberd_liner.chain.analysis.vacuum_inputs import Vacuum, needs_pulsation, read_vacuum
 from grabberd_liner.chain.analysis.wall_series import EmptyLiner, Smoothings, WallSeries, empty_liner
-from grabberd_liner.chain.analysis.wall_state import FieldPoints, Question, WallState
+from grabberd_liner.chain.analysis.wall_state import FieldPoints, Question, SingleViews, WallState
 
 T = TypeVar("T")
 
@@ -124,7 +123,7 @@ def _some(names: Sequence[str]) -> str:
 
 
 Progress = Callable[[int, int], None]
-Images = Callable[[Sequence[int]], Mapping[int, SingleViewImages]]
+_BOTH = SingleViews()
 
 
 _NOT_TRACKED = "the object's targets are other points of the wall in every field"
@@ -189,12 +188,11 @@ def analyse(
     grid: Grid,
     inputs: AnalysisInputs,
     progress: Progress | None = None,
-    rig: Rig | None = None,
+    views: SingleViews = _BOTH,
     light: FoundLight | None = None,
     *,
     pulsating: bool = False,
     reference: Points | None = None,
-    images: Images | None = None,
 ) -> Analysis:
     """Analyses a capture.
 
@@ -203,12 +201,10 @@ def analyse(
         grid: target grid of the object model.
         inputs: inputs besides the points.
         progress: called with the number of finished states and the total.
-        rig: whose views saw the points; None if targets that one view alone sees are of no use.
+        views: what tells of targets that one view alone sees.
         light: that relates the clocks of camera and logger, for `vacuum.offset: light`.
         pulsating: True to refuse, before the long work, a capture whose wall does not pulsate.
         reference: points of the reference state, where that is another capture.
-        images: gives the images of targets that one view alone sees, where the points lack them: a ramp needs
-            those of a few fields.
 
     Raises:
         AnalysisError: no field determines a surface, or the reference state does not; or the wall does not
@@ -219,7 +215,7 @@ def analyse(
         raise AnalysisError(
             "the capture has no points", "measure it first; its fields have to show the object"
         )
-    work = _Work(captures, grid, inputs, progress or (lambda done, of: None), rig, light, reference, images)
+    work = _Work(captures, grid, inputs, progress or (lambda done, of: None), views, light, reference)
     return work.whole(pulsating=pulsating)
 
 
@@ -232,13 +228,12 @@ class _Work:
         grid: Grid,
         inputs: AnalysisInputs,
         progress: Progress,
-        rig: Rig | None,
+        views: SingleViews,
         light: FoundLight | None,
         open_liner: Points | None,
-        images: Images | None,
     ) -> None:
-        self._grid, self._inputs, self._progress, self._rig = grid, inputs, progress, rig
-        self._light, self._open_liner, self._images = light, open_liner, images
+        self._grid, self._inputs, self._progress, self._views = grid, inputs, progress, views
+        self._light, self._open_liner = light, open_liner
         self._timed = [[field.timed for field in capture] for capture in captures]
         self._fields = tuple(captures[0])
         self._time_s = np.array([field.timed.time_s for field in captures[0]])
@@ -280,7 +275,7 @@ class _Work:
         ]
         series = WallSeries(question, smoothings, model, self._problems.note, self._progress)
         names = [f"field {self._fields[k].n}" for k in chosen]
-        fields, phases = self._states(series, [points, names], average, [of_fields, of_phases], speeds)
+        fields, phases = self._states(series, (points, names), average, [of_fields, of_phases], speeds)
         if not fields:
             raise AnalysisError(
                 f"none of {len(self._fields)} fields has a surface: {self._problems.most_frequent}",
@@ -324,8 +319,8 @@ class _Work:
             vacuums: at each field and at each phase; empty if unknown.
             speeds_mm_per_s: (F,) and (P,) of the target that moves fastest.
         """
-        points, names = map(list, of_fields)
-        count, averaged = len(points), list(average.points) if average else []
+        points, averaged = of_fields[0], list(average.points) if average else []
+        count, names = len(points), list(of_fields[1])
         names += [f"phase {phase:g}" for phase in average.phase] if average else []
         # Phases pass through the same states of the wall as fields, so both are sought together.
         found = series.states(
@@ -371,21 +366,10 @@ class _Work:
         stated, reference = inputs.reference, None
         if stated.kind != "nominal":
             reference = self._reference_points(stated, None)
-            numbers = [field.n for field in self._fields]
             if stated.kind == "field":
-                (reference,) = self._with_images([numbers.index(int(stated.value))])
-        points = [timed.points for timed in self._timed[0]]
-        given = inputs, reference, points, vacuum.at(self._time_s), self._rig
-        return empty_liner(self._grid, *given, self._with_images, self._problems.add)
-
-    def _with_images(self, indices: Sequence[int]) -> list[Points]:
-        """Points of some fields, with the images of targets that one view alone sees where these are known."""
-        fields = [self._fields[k] for k in indices]
-        images = self._images([one.n for one in fields]) if self._images else {}
-        return [
-            replace(one.timed.points, single=images[one.n]) if one.n in images else one.timed.points
-            for one in fields
-        ]
+                (reference,) = self._views.points([one for one in self._fields if one.n == stated.value])
+        given = inputs, reference, self._fields, vacuum.at(self._time_s), self._views
+        return empty_liner(self._grid, *given, self._problems.add)
 
     def _of_phases(
         self, vacuum: Vacuum | None, average: PhaseAverage | None, pulsation: Pulsation | None
@@ -430,7 +414,7 @@ class _Work:
         points = None if reference.kind == "nominal" else self._reference_points(reference, average)
         sought_kpa, unseen = inputs.sought_kpa, inputs.unseen
         return self._problems.survived(
-            lambda: PressureModel(grid, inputs.zones, points, sought_kpa, unseen, self._rig)
+            lambda: PressureModel(grid, inputs.zones, points, sought_kpa, unseen, self._views.rig)
         )
 
     def _existing(self, reference: Reference | None, average: PhaseAverage | None) -> Reference | None:

@@ -164,7 +164,7 @@ class Subject(NamedTuple):
     device: str | None
     object_model: str | None
     grid: Grid
-    recorded: Mapping[str, Sequence[str]] = {}  # noqa: RUF012 - never written to
+    recorded: Mapping[str, Sequence[str]] = {}
 
 
 @dataclass(slots=True)
@@ -248,7 +248,8 @@ def resolve(
     _take_pulsation(resolved, pulsator, liner)
     if cup := found.get("cup"):
         problems += _of_another_cup(cup, subject)
-        if not any(map(is_channel, resolved.vacuum.values())):  # a channel has its own gauge, and its calibration
+        # A channel has its own gauge, and its calibration.
+        if not any(map(is_channel, resolved.vacuum.values())):
             _take_known(resolved, cup, {"vacuum.gauge_sigma_kpa": "gauge_sigma_kpa"})
     if cow := found.get("cow"):
         _take_known(resolved, cow, {"flow_stop": "flow_stop"})
@@ -276,7 +277,9 @@ def _take_recorded(resolved: ResolvedInputs, recorded: Mapping[str, Sequence[str
         return set()
     open_ones = {name for name in CHAMBERS if recorded.get(name) and name not in vacuum}
     undecided = {name for name in open_ones if len(recorded[name]) > 1}
-    resolved.lacks += [f"vacuum.{name} channel: {unclear(name, recorded[name])}" for name in sorted(undecided)]
+    resolved.lacks += [
+        f"vacuum.{name} channel: {unclear(name, recorded[name])}" for name in sorted(undecided)
+    ]
     resolved.taken |= open_ones - undecided
     if resolved.taken:
         taken = {name: CHANNEL for name in CHAMBERS if name in resolved.taken}
@@ -355,9 +358,7 @@ def _of_another_cup(cup: Profile, subject: Subject) -> Iterator[str]:
 _LOG = "log"
 
 
-def check_inputs(
-    document: Mapping[str, Any], grid: Grid, recorded: Mapping[str, Sequence[str]]
-) -> list[str]:
+def check_inputs(document: Mapping[str, Any], grid: Grid, recorded: Mapping[str, Sequence[str]]) -> list[str]:
     """Problems of inputs in sentences; empty if an analysis can begin with them.
 
     Args:

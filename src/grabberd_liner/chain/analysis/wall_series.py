@@ -13,7 +13,6 @@ from typing import Any, NamedTuple, TypeVar
 import numpy as np
 
 from grabberd.core.arrays import Array
-from grabberd.core.geometry import Rig
 from grabberd.core.reconstruction import Points
 from grabberd.errors import AnalysisError
 from grabberd_liner.analysis.estimate import Estimate, Finding
@@ -30,7 +29,13 @@ from grabberd_liner.analysis.surface.surface import Surface
 from grabberd_liner.analysis.wall.material import Material
 from grabberd_liner.chain.analysis.inputs import CHAMBERS, CHANNEL, AnalysisInputs, missing
 from grabberd_liner.chain.analysis.vacuum_inputs import channel_sigma_kpa, recorded_channel
-from grabberd_liner.chain.analysis.wall_state import Question, WallState, wall_states
+from grabberd_liner.chain.analysis.wall_state import (
+    FieldPoints,
+    Question,
+    SingleViews,
+    WallState,
+    wall_states,
+)
 
 T = TypeVar("T")
 
@@ -41,9 +46,6 @@ _DIGITS = 5
 
 _FEW = 9
 """Fields whose wall is computed where a ramp's own values are not found: as many as give them."""
-
-WithImages = Callable[[Sequence[int]], Sequence[Points]]
-"""Points of some fields, by their indices, with the images of targets that one view alone sees."""
 
 
 class RampCourse(NamedTuple):
@@ -82,10 +84,9 @@ def empty_liner(
     grid: Grid,
     inputs: AnalysisInputs,
     reference: Points | None,
-    points: Sequence[Points],
+    fields: Sequence[FieldPoints],
     vacuum: Sequence[ChamberVacuum],
-    rig: Rig | None,
-    with_images: WithImages,
+    views: SingleViews,
     note: Callable[[str], None],
 ) -> EmptyLiner:
     """Evaluates a ramp; of all but the few fields that it needs, only the crest's height is looked at.
@@ -94,25 +95,24 @@ def empty_liner(
         grid: targets of the object model.
         inputs: of the analysis; with material and both vacuums.
         reference: targets of the open liner; None for the object model's.
-        points: of the fields.
+        fields: of the capture.
         vacuum: at each of the fields.
-        rig: whose views saw the points; None if targets that one view alone sees are of no use.
-        with_images: gives points with the images of such targets.
+        views: what tells of targets that one view alone sees.
         note: takes note of a problem: why the data do not determine a result.
 
     Raises:
         InputError: the σ of a logger's zero is missing.
     """
     material, common_kpa = _material(inputs), _common_sigma_kpa(inputs)
-    every = -(-len(points) // _MOST_LEVELS)
-    looked_at = [k for k in range(0, len(points), every) if len(points[k])]
-    levels = [RampLevel(points[k], _difference(vacuum[k], common_kpa)) for k in looked_at]
+    every = -(-len(fields) // _MOST_LEVELS)
+    looked_at = [k for k in range(0, len(fields), every) if len(fields[k].timed.points)]
+    levels = [RampLevel(fields[k].timed.points, _difference(vacuum[k], common_kpa)) for k in looked_at]
     used, _ = _tried(lambda: used_levels(grid, material, reference, levels))
     shown = [looked_at[k] for k in used or np.linspace(0, len(levels) - 1, _FEW).round().astype(int)]
     if used:
-        for k, one in zip(used, with_images(shown), strict=True):
+        for k, one in zip(used, views.points([fields[at] for at in shown]), strict=True):
             levels[k] = levels[k]._replace(points=one)
-    values, no_values = _tried(lambda: liner_values(grid, material, reference, levels, common_kpa, rig))
+    values, no_values = _tried(lambda: liner_values(grid, material, reference, levels, common_kpa, views.rig))
     found = values.material(material) if values else None
     ends, no_ends = _tried(lambda: collapse(grid, found or material, reference, levels, common_kpa))
     for reason in filter(None, (no_values, no_ends)):

@@ -228,4 +228,3 @@ def _curves(one: Evidence) -> Iterator[Curve]:
         if (found := one.quantity(name)) is not None:
             x, sigma = (np.array([float(part)]) for part in found)
             yield Curve(name, title, axes, MARK, x, np.full(1, np.nan), sigma)
-
