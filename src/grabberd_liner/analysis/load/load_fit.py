@@ -6,6 +6,7 @@ the prior's covariance (thousands of parameters) need never be inverted. The pos
 likewise.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
 from typing import NamedTuple
@@ -74,11 +75,9 @@ class Followers(NamedTuple):
     """Q quantities of a linearised wall.
 
     Attributes:
-        response: of that wall.
         cross: (Q, 3 T) their prior covariance with the places; `variance`: (Q,) their own.
     """
 
-    response: "Response"
     cross: _Parts
     variance: _Parts
 
@@ -98,13 +97,14 @@ class Response:
     spread: Array
     _covariance: "_Parts"
     _at_points: dict[Basis, Array]
+    _followers: dict[object, Followers]
 
     @classmethod
     def of(cls, model: WallModel, state: State) -> "Response":
         """The response about a state."""
         linear = model.linearised(state)
         spread = model.spread(linear.by_parameters.T)
-        return cls(model, linear, spread, _Parts.of(model, linear.by_parameters, spread), {})
+        return cls(model, linear, spread, _Parts.of(model, linear.by_parameters, spread), {}, {})
 
     def covariance_mm2(self, difference: Difference) -> Array:
         """(3 T, 3 T) prior covariance of the places."""
@@ -116,14 +116,19 @@ class Response:
             self._at_points[basis] = basis.matrices[0] @ self.spread[: self.model.half.grid.count]
         return self._at_points[basis]
 
-    def followers(self, by_parameters: Array) -> "Followers":
+    def followers(self, by_parameters: Array) -> Followers:
         """Quantities (Q, P) that depend on the parameters as the places do."""
         own = self.model.spread(by_parameters.T)
         return Followers(
-            self,
             _Parts.of(self.model, by_parameters, self.spread),
             _Parts.of(self.model, by_parameters, own, diagonal=True),
         )
+
+    def kept_followers(self, of: object, by_parameters: Callable[["Response"], Array]) -> Followers:
+        """Followers that something asks for in state after state; kept as long as this."""
+        if of not in self._followers:
+            self._followers[of] = self.followers(by_parameters(self))
+        return self._followers[of]
 
 
 class Gain:

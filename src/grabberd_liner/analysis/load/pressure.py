@@ -162,7 +162,8 @@ def _ratio(one: PressureMap) -> Array:
 REACH_MM = 0.8
 """Movement of the wall within which a linearised model holds: at 1 mm contact pressures err by up to .2 σ."""
 _MOST = 2
-"""Linearised models kept, of 24 MB each: enough for states in the order of the wall's departure."""
+"""Linearised models kept, of 35 MB each with their followers: enough for states in the order of the wall's
+departure."""
 
 
 class LoadSeries:

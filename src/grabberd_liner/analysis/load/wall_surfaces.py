@@ -18,7 +18,7 @@ from scipy import sparse
 from grabberd.core.arrays import Array, Indices, Mask
 from grabberd_liner.analysis.estimate import Estimate
 from grabberd_liner.analysis.grid import Grid
-from grabberd_liner.analysis.load.load_fit import Followers, Posterior, Response
+from grabberd_liner.analysis.load.load_fit import Posterior, Response
 from grabberd_liner.analysis.load.mounting import Mounting
 from grabberd_liner.analysis.load.targets import TargetPlaces, Targets
 from grabberd_liner.analysis.load.wall_model import WallModel
@@ -183,8 +183,6 @@ def _smooth(domain: Domain, targets: tuple[Array, Array], nodes: tuple[Array, Ar
 
 _STEP = 1e-6
 """Of differences by the forms, in mm/mm and 1/mm, and by logarithms: all are of the order of .1 to 1."""
-_KEPT = 2
-"""Linearised walls whose followers are kept, 3 MB each: fields come in the order of the wall's departure."""
 _PER_M = 1e3
 _MODEL_SHARES = (0.1, 0.15, 0.15)
 """σ of the model itself, of curvature, strain and tension, by what they have changed since the liner was
@@ -220,26 +218,18 @@ class MiddleSurfaces:
         mounted = _forms(Geometry.of(model.targets, model.half.at_rest()))
         self._before = _tensors(mounted[:3])
         self._open = self._of_forms(mounted, np.zeros(model.count))
-        self._known: list[Followers] = []
 
     def of(self, found: Posterior) -> MiddleSurface:
         """The middle surface of a wall that was fitted to its targets."""
         control = found.control
         values = self._of_forms(_forms(Geometry.of(self._model.targets, control)), found.parameters)
-        sigma = found.sigma(self._followers(found.response)).reshape(values.shape)
+        followers = found.response.kept_followers(self, self._by_parameters)
+        sigma = found.sigma(followers).reshape(values.shape)
         change = (values - self._open).reshape(len(values), -1, 2)
         model = np.multiply(_MODEL_SHARES, np.sqrt((change**2).mean(axis=(0, 2))))
         sigma = np.hypot(sigma, np.repeat(model, 2))
         pairs = [Estimate(values[:, k : k + 2], sigma[:, k : k + 2]) for k in (0, 2, 4)]
         return MiddleSurface(*pairs)
-
-    def _followers(self, response: Response) -> Followers:
-        """Quantities of a linearised wall, as they follow its parameters; made once for each wall."""
-        known = next((one for one in self._known if one.response is response), None)
-        if known is None:
-            known = response.followers(self._by_parameters(response))
-        self._known = [*[one for one in self._known if one is not known][1 - _KEPT :], known]
-        return known
 
     def _by_parameters(self, response: Response) -> Array:
         """(6 N, P) derivatives at the state that was linearised."""

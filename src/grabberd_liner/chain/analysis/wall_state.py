@@ -297,7 +297,8 @@ def _state(
         curvature_per_m=_masked(wall.curvature_per_m, within),
         strain=wall.strain and _masked(wall.strain, within),
         tension_n_per_m=wall.tension_n_per_m and _masked(wall.tension_n_per_m, within),
-        pressure=pressure,
+        # The state has what is of the middle surface, where data support it.
+        pressure=pressure and pressure._replace(middle=None),
         area=surface_area(face),
         sections=found,
         volume_mm3=_volume(face, question, found),
