@@ -37,6 +37,8 @@ _SLOWING, _SHORTENED = 0.5, 0.6
 """A step longer than half the last one swings about the minimum: it is shortened."""
 NEAR_MM = 0.3
 """Next step below which the linearised model is the wall: pressures then err by less than .02 σ."""
+_AT_ONCE = 160
+"""Quantities whose prior variance is found at once, for memory."""
 MISFIT_ALARM = 2.0
 """Misfit above which points and the wall's equilibrium contradict each other."""
 _HINT = "give the liner's own modulus, thickness, pretension and length, and its vacuum on the camera's clock"
@@ -118,11 +120,12 @@ class Response:
 
     def followers(self, by_parameters: Array) -> Followers:
         """Quantities (Q, P) that depend on the parameters as the places do."""
-        own = self.model.spread(by_parameters.T)
-        return Followers(
-            _Parts.of(self.model, by_parameters, self.spread),
-            _Parts.of(self.model, by_parameters, own, diagonal=True),
-        )
+        parts = [
+            _Parts.of(self.model, some, self.model.spread(some.T), diagonal=True)
+            for some in np.array_split(by_parameters, -(-len(by_parameters) // _AT_ONCE))
+        ]
+        variance = _Parts(*(np.concatenate(part) for part in zip(*parts, strict=True)))
+        return Followers(_Parts.of(self.model, by_parameters, self.spread), variance)
 
     def kept_followers(self, of: object, by_parameters: Callable[["Response"], Array]) -> Followers:
         """Followers that something asks for in state after state; kept as long as this."""
