@@ -1,4 +1,4 @@
-"""What an analysis costs, beside splines whose σ is drawn by lot; and the whole command with report and files,
+"""What an analysis costs, beside splines whose σ is drawn by lot, and the whole command with report and files
 by turns with that of another build, the folder of whose sources `GRABBERD_BEFORE` names.
 """
 

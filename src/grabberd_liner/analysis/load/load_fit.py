@@ -135,7 +135,7 @@ class Response:
 
 
 class Gain:
-    """What sights tell of a linearised wall, whatever the load was thought to be before.
+    """Knowledge that sights give of a linearised wall, whatever the load's prior mean.
 
     Attributes:
         response: of the wall.
@@ -225,7 +225,7 @@ class Posterior:
 
     @property
     def sights(self) -> Sights:
-        """What was seen."""
+        """Sights that were weighed."""
         return self.gain.sights
 
     @property

@@ -333,13 +333,13 @@ def channel_of(chamber: str, value: object, recorded: Sequence[str]) -> str:
         said = f" {name}" if name else ""
         raise InputError(
             f"vacuum.{chamber} is to come from the capture's own channel{said}, and it has none",
-            f"its channels of that vacuum: {known}; give the vacuum as a log or a constant",
+            f"its channels of that vacuum: {known}; name one of them, or give the vacuum as a log or a constant",
         )
     return str(name)
 
 
 def unclear(chamber: str, recorded: Sequence[str]) -> str:
-    """What to say where several channels could be a chamber's vacuum."""
+    """Sentence for a chamber of which several channels could be the vacuum."""
     return (
         f"the channels {' and '.join(recorded)} of this capture could each be it; name the right one, as in "
         f"vacuum: {{{chamber}: {{channel: {recorded[0]}}}}}"

@@ -53,7 +53,7 @@ class FieldPoints(NamedTuple):
 
 
 class SingleViews(NamedTuple):
-    """What tells of targets that one view alone sees.
+    """Sources for targets that one view alone sees.
 
     Attributes:
         rig: whose views saw the points; None if such targets are of no use.
