@@ -333,7 +333,7 @@ def channel_of(chamber: str, value: object, recorded: Sequence[str]) -> str:
         said = f" {name}" if name else ""
         raise InputError(
             f"vacuum.{chamber} is to come from the capture's own channel{said}, and it has none",
-            f"its channels of that vacuum: {known}; name one of them, or give the vacuum as a log or a constant",
+            f"its channels of it: {known}; name one of them, or give the vacuum as a log or a constant",
         )
     return str(name)
 
