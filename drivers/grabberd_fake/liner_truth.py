@@ -171,10 +171,7 @@ _LASER_MM = 1.0
 """The same in laser studies."""
 _ARC_MM, _ARC_PLACES = 10.0, 41
 """Half the arc that compression is averaged over, on the wall's middle, and places along it."""
-_COMPRESSIONS = (
-    *(f"liner_compression_{which}_kpa" for which in ("mean", "greatest", "teat_end")),
-    "massage_pressure_kpa",
-)
+_COMPRESSIONS = tuple(f"liner_compression_{which}_kpa" for which in ("mean", "greatest", "teat_end"))
 _HEIGHT_MM = 0.25
 _END_SHARE = 0.5
 """Of the greatest compression: below it, the teat has ended."""
@@ -332,7 +329,6 @@ def closed_liner_quantities(options: LinerOptions, outer_kpa: Sequence[float]) -
         "teat_end_x_mm": end_mm,
         "teat_load_peak_n_per_mm": float(load[teat].max()),
         "teat_load_n": float(load[teat] @ spans[teat]),
-        "massage_pressure_kpa": mean_kpa,
         _AT_FULL_CLOSURE: float(
             np.average(fullest.compression_kpa[near_end], weights=fullest.spans_mm[near_end])
         ),

@@ -75,8 +75,8 @@ def note() -> str:
     walls = " or ".join(map(str, sorted({one.walls for one in glued_targets()})))
     return (
         f"Root mean square errors on {walls} closed walls that were solved independently; single fields of 8 "
-        "bit, all targets in view. Most of the walls are alike at all heights, so rows count for less here than "
-        "near a teat's end."
+        "bit, all targets in view. Most of the walls are alike at all heights, so rows count for less here "
+        "than near a teat's end."
     )
 
 

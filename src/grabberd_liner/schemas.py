@@ -24,7 +24,7 @@ from grabberd_liner.analysis.load.pressure import UNSEEN
 from grabberd_liner.analysis.other_method import ABOVE
 from grabberd_liner.analysis.wall.material import LAWS, Material
 from grabberd_liner.chain.analysis.agreement import ESTIMATED, GREATEST
-from grabberd_liner.chain.analysis.inputs import FLOWING, MOST_PHASES
+from grabberd_liner.chain.analysis.inputs import FLOWING, MOST_PHASES, SOUGHT_KPA
 from grabberd_liner.profiles.documents import ProfileContent
 
 _ABOVE_0 = ("E_mpa", "wall_mm", "radius_mm")
@@ -44,7 +44,9 @@ def analysis_inputs_schema() -> Schema:
             "plane": or_nothing(_plane(), "Origin of widths, areas and volume."),
             "heights_mm": or_nothing(heights, "Heights of the sections: x in the object's frame."),
             "phases": integer("States of the mean cycle.", least=2, most=MOST_PHASES),
-            "sought_kpa": positive("Smallest pressure that the map has to resolve."),
+            "sought_kpa": positive(
+                f"Smallest pressure that the map has to resolve; default: {SOUGHT_KPA:g}."
+            ),
             "unseen": one_of(*UNSEEN, description="What stands for the half that no camera sees."),
             "flow_stop": or_nothing(flow_stop, "Pressure on the teat's end at which milk stops flowing."),
             "milk_flow": one_of(*FLOWING, description="What the channel flow reads while milk flows."),
@@ -115,12 +117,13 @@ def _plane() -> Schema:
 def _vacuum() -> Schema:
     kpa = {"kpa": number(minimum=0, maximum=MOST_KPA), "sigma_kpa": number(minimum=0)}
     constant = mapping(kpa, tuple(kpa), "A vacuum that does not change.")
+    named = mapping({"channel": text("Name of one of the capture's channels.")}, ("channel",))
     offset = mapping({"s": number(), "sigma_s": number()}, ("s", "sigma_s"))
     lag = {key: number() for key in ("opening_s", "closing_s", "sigma_s", "near_s")}
     return mapping(
         {
-            "pulsation": either(one_of("log", "channel"), constant, pulsation_schema()),
-            "liner": either(one_of("log", "channel"), constant),
+            "pulsation": either(one_of("log", "channel"), named, constant, pulsation_schema()),
+            "liner": either(one_of("log", "channel"), named, constant),
             "log": text("The text of a logger's file."),
             "offset": either(one_of("light"), offset, description="The camera's time less the logger's."),
             "lag": mapping(lag, tuple(lag), "The wall's lag, in place of offset."),

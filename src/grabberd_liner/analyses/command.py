@@ -72,10 +72,10 @@ def analyse(  # noqa: PLR0913, PLR0917 - options of a command
 ) -> None:
     """Compute surface, sections, curvature, strain, tension and pressure of a capture, by field and by phase.
 
-    Everything an analysis needs besides the points comes from the inputs file; nothing is assumed, and
-    missing inputs are listed. With --profiles, what the file does not say comes from the profiles of the
-    configuration's state directory; the report names each with its version. Writes tables and a report:
-    report.html to read, report.json for programs.
+    What an analysis needs besides the points comes from the inputs file; vacuum that was recorded with the
+    capture is taken from there. What is missing is listed, and where each value comes from. With --profiles,
+    what the file does not say comes from the profiles of the configuration's state directory. Writes tables
+    and a report: report.html to read, report.json for programs.
 
     Example: grabberd analyse liner.grab --inputs configs/analysis/liner.yaml --out liner-analysis
 
@@ -164,6 +164,7 @@ def _document(made: "AnalysisOutput", written: list[Path]) -> dict[str, Any]:
             {**one, **{key: finite(one[key]) for key in ("value", "sigma_value", "sigma_common")}}
             for one in _quantities(made)
         ],
+        "taken": dict(made.taken),
         "lacks": list(made.analysis.inputs.lacks),
         "problems": list(made.analysis.problems),
         "files": [str(path) for path in written],
@@ -193,27 +194,42 @@ def _quantities(made: "AnalysisOutput") -> list[dict[str, Any]]:
 
 def _show(made: "AnalysisOutput") -> None:
     from grabberd.reports.notation import measured  # noqa: PLC0415
+    from grabberd_liner.chain.analysis.quantities import left_out  # noqa: PLC0415
 
     row = _summary(made)
-    table = Table(title=f"{row['analysed']} of {row['fields']} fields analysed, {row['missing']} missing")
+    whole = " (a ramp needs no more)" if made.analysis.empty else ""
+    fields = f"{row['analysed']} of {row['fields']} fields analysed{whole}, {row['missing']} missing"
+    shown = Table(title=fields)
     for heading, side in (("", "left"), ("value", "right"), ("σ", "right")):
-        table.add_column(heading, justify=side)  # type: ignore[arg-type]
+        shown.add_column(heading, justify=side)  # type: ignore[arg-type]
     for name in _SHOWN:
         if math.isfinite(row[name]):
-            table.add_row(name, *measured(row[name], row[f"sigma_{name}"]))
+            shown.add_row(name, *measured(row[name], row[f"sigma_{name}"]))
     for one in _quantities(made):
         if math.isfinite(one["value"]):
             verdict = f", ISO 5707: {one['verdict']}" if one["verdict"] else ""
-            table.add_row(f"{one['name']}{verdict}", *measured(one["value"], one["sigma_value"]))
+            shown.add_row(f"{one['name']}{verdict}", *measured(one["value"], one["sigma_value"]))
     if (agreed := _agreement(made)) and not agreed["reason"]:
-        table.add_row("bias to the other method", *measured(agreed["bias_kpa"], agreed["sigma_bias_kpa"]))
+        shown.add_row("bias to the other method", *measured(agreed["bias_kpa"], agreed["sigma_bias_kpa"]))
         limits = f"{agreed['lower_kpa']:.1f} … {agreed['upper_kpa']:.1f}"
-        table.add_row("limits of agreement with it, kPa", limits, "")
+        shown.add_row("limits of agreement with it, kPa", limits, "")
     for cells in _ranges(made):
-        table.add_row(*cells)
-    console.print(table)
-    warn(f"not given: {words}" for words in made.analysis.inputs.lacks)
+        shown.add_row(*cells)
+    console.print(shown)
+    warn(_taken(made))
+    warn(f"missing: {words}" for words in made.analysis.inputs.lacks)
+    table = made.tables["quantities"]
+    titles = zip(table.column("title").tolist(), table.column("reason").tolist(), strict=True)
+    warn(f"left out: {words}" for words in left_out(titles))
     warn(made.analysis.problems)
+
+
+def _taken(made: "AnalysisOutput") -> list[str]:
+    """Inputs that nobody gave, by where they come from."""
+    names: dict[str, list[str]] = {}
+    for name, source in made.taken.items():
+        names.setdefault(source, []).append(name)
+    return [f"{', '.join(some)}: {source}" for source, some in names.items()]
 
 
 def _ranges(made: "AnalysisOutput") -> list[tuple[str, str, str]]:

@@ -6,6 +6,7 @@ where it is used: the daemon declares the job, but never analyses.
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -43,16 +44,16 @@ def resolved_inputs(given: JsonObject, found: FoundProfiles | None, subject: "Su
 
     Args:
         given: Inputs that are given; they win.
-        found: Profiles that complete them; None: they are left as they are.
+        found: Profiles that complete them; None: only vacuum that was recorded with the capture does.
         subject: The capture.
 
     Raises:
         InputError: Profiles contradict the capture.
     """
-    from grabberd_liner.chain.analysis.profile_inputs import Profile, ResolvedInputs, resolve
+    from grabberd_liner.chain.analysis.profile_inputs import Profile, resolve, with_recorded
 
     if found is None:
-        return ResolvedInputs(dict(given))
+        return with_recorded(given, subject)
     labels = {key: plain_name(value) for key, value in found.labels.items()}
     known = [Profile(one.kind, one.name, one.version, one.sha256, one.profile) for one in found.profiles]
     return resolve(labels, known, given, subject)
@@ -92,12 +93,14 @@ class AnalysisOutput:
 
     Attributes:
         captured: Fields of the capture as they were taken: those of the analysis may be means of them.
+        taken: Inputs that nobody gave, by their names, with where each comes from.
     """
 
     analysis: "Analysis"
     tables: "AnalysisTables"
     about: JsonObject
     captured: "Sequence[FieldPoints]"
+    taken: Mapping[str, str]
 
 
 class AnalysisJob(JobSpec):
@@ -189,20 +192,23 @@ def analyse_file(
         common_rig,
         found_light,
         read_source,
-        recorded_quantities,
+        recorded_channels,
+        single_view,
     )
     from grabberd_liner.analysis.grid import Grid
     from grabberd_liner.chain.analysis.analyse import analyse
     from grabberd_liner.chain.analysis.inputs import read_inputs
     from grabberd_liner.chain.analysis.profile_inputs import Subject
     from grabberd_liner.chain.analysis.tables import tables
-    from grabberd_liner.chain.analysis.wall_state import averaged_fields
+    from grabberd_liner.chain.analysis.wall_state import SingleViews, averaged_fields
 
-    recorded = frozenset() if profiles is None else recorded_quantities(path)
+    recorded = recorded_channels(path)
     # Only the wall's equilibrium can use the rays of a single view.
-    single = {"material", "vacuum"} <= _sections(inputs, profiles, recorded)
+    single = {"material", "vacuum"} <= _sections(inputs, profiles, bool(recorded))
+    # A ramp needs those of a few fields.
+    later = inputs.get("teat") == "none" and "average" not in inputs
     captures = [
-        read_source(path, options.run, single),
+        read_source(path, options.run, single, later=later),
         *(read_source(burst, None, single) for burst in bursts),
     ]
     check_same_model(captures)
@@ -210,22 +216,33 @@ def analyse_file(
     grid = Grid.of(captures[0].model)
     resolved = resolved_inputs(inputs, profiles, Subject(about["device"], about["object"], grid, recorded))
     channels = channel_curves(path, resolved.inputs)
-    read = replace(read_inputs(resolved.inputs, grid, channels), unmet=tuple(resolved.lacks))
+    read = replace(
+        read_inputs(resolved.inputs, grid, channels),
+        unmet=tuple(resolved.lacks),
+        taken=frozenset(resolved.taken),
+    )
     progress(0.0)
     fields = [averaged_fields(capture.fields, read.average) for capture in captures]
     of_reading = tuple(capture.problem for capture in captures if capture.problem)
     light = found_light(path, read.vacuum)
+    images = partial(single_view, path, captures[0].fields, options.run) if single and later else None
     analysis = analyse(
         fields,
         grid,
         read,
         lambda done, of: progress(done / max(of, 1)),
-        common_rig(captures),
+        SingleViews(common_rig(captures), images),
         light,
         pulsating=options.pulsating and not read.empty,
         reference=None if options.reference is None else _mean_points(options.reference, captures),
     )
     analysis = replace(analysis, problems=of_reading + analysis.problems)
+    of_channels = {f"vacuum.{name}": one.origin for name, one in channels.items()}
+    taken = {
+        **{name: one for name, one in of_channels.items() if name.partition(".")[2] in read.taken},
+        **resolved.sources,
+        **read.assumed,
+    }
     about = {
         **about,
         "created_utc": iso_utc(SystemClock().utc_now()),
@@ -233,13 +250,9 @@ def analyse_file(
         "pressure_method": PRESSURE_METHOD,
         "bursts": [capture.about["id"] for capture in captures[1:]],
         "profiles": [use_of(one).model_dump() for one in resolved.used],
-        "sources": {
-            **(sources or {}),
-            **resolved.sources,
-            **{f"vacuum.{name}": one.origin for name, one in channels.items()},
-        },
+        "sources": {**(sources or {}), **of_channels, **taken},
     }
-    return AnalysisOutput(analysis, tables(analysis), about, captures[0].fields)
+    return AnalysisOutput(analysis, tables(analysis), about, captures[0].fields, taken)
 
 
 def _mean_points(path: Path, captures: "Sequence[AnalysisSource]") -> "Points":
@@ -255,7 +268,7 @@ def _mean_points(path: Path, captures: "Sequence[AnalysisSource]") -> "Points":
     return mean.timed.points
 
 
-def _sections(inputs: JsonObject, found: FoundProfiles | None, recorded: frozenset[str]) -> set[str]:
+def _sections(inputs: JsonObject, found: FoundProfiles | None, recorded: bool) -> set[str]:
     """Inputs that are given, or may come from a profile or from what was recorded with the capture."""
     kinds = {one.kind for one in found.profiles} if found else set()
     of_kinds = {"liner": "material", "pulsator": "vacuum"}

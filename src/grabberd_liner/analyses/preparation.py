@@ -1,5 +1,6 @@
 """Inputs that an analysis of a capture would be made with, and lacks, before it is asked for."""
 
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -40,13 +41,13 @@ def prepared(path: Path, job: AnalysisJob) -> AnalysisPreparation:
         GrabberdError: The capture cannot be read, or was not measured with an object model.
     """
     from grabberd_liner.analyses.job import resolved_inputs  # noqa: PLC0415
-    from grabberd_liner.analyses.source import read_origin, recorded_quantities  # noqa: PLC0415
+    from grabberd_liner.analyses.source import read_origin, recorded_channels  # noqa: PLC0415
     from grabberd_liner.analysis.grid import Grid  # noqa: PLC0415
     from grabberd_liner.chain.analysis.profile_inputs import Subject  # noqa: PLC0415
 
     about, model = read_origin(path, job.run_number)
-    grid, recorded = Grid.of(model), recorded_quantities(path)
-    subject = Subject(about["device"], about["object"], grid, recorded if job.profiles else frozenset())
+    grid, recorded = Grid.of(model), recorded_channels(path)
+    subject = Subject(about["device"], about["object"], grid, recorded)
     try:
         given = with_log(job.inputs, job.vacuum_log)
         resolved = resolved_inputs(given, job.profiles, subject)
@@ -58,23 +59,25 @@ def prepared(path: Path, job: AnalysisJob) -> AnalysisPreparation:
 
 
 def _checked(
-    run: int, job: AnalysisJob, resolved: "ResolvedInputs", grid: Any, recorded: frozenset[str]
+    run: int, job: AnalysisJob, resolved: "ResolvedInputs", grid: Any, recorded: Mapping[str, Sequence[str]]
 ) -> AnalysisPreparation:
     from grabberd_liner.analyses.job import use_of  # noqa: PLC0415
     from grabberd_liner.chain.analysis.inputs import read_inputs  # noqa: PLC0415
     from grabberd_liner.chain.analysis.profile_inputs import check_inputs  # noqa: PLC0415
 
     problems, lacks, hint = check_inputs(resolved.inputs, grid, recorded), list(resolved.lacks), ""
+    assumed: dict[str, str] = {}
     if not problems:
         try:
-            lacks = [*read_inputs(resolved.inputs, grid).lacks, *lacks]
+            read = read_inputs(resolved.inputs, grid)
+            lacks, assumed = [*read.lacks, *lacks], read.assumed
         except InputError as error:
             problems, hint = [error.message], error.hint
     liner = next((one for one in resolved.used if one.kind == "liner"), None)
     return AnalysisPreparation(
         run=run,
         inputs=_without_text(resolved.inputs),
-        sources={**job.sources, **resolved.sources},
+        sources={**job.sources, **resolved.sources, **assumed},
         profiles=[use_of(one) for one in resolved.used],
         obtained={} if liner is None else dict(liner.content.get("obtained") or {}),
         recorded=sorted(recorded),

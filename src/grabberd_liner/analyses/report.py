@@ -95,6 +95,9 @@ def marked_outdated(page: str, outdated: Outdated) -> str:
 
 def values(document: Document) -> dict[str, Any]:
     """Prepare the values of the template; its own comment describes them."""
+    # Not at the head: the daemon marks reports, but never draws them.
+    from grabberd_liner.chain.analysis.quantities import left_out  # noqa: PLC0415
+
     tables = {name: Columns(table) for name, table in document["tables"].items()}
     states = states_of(document)
     quantities = _quantities(tables.get("quantities"))
@@ -102,6 +105,7 @@ def values(document: Document) -> dict[str, Any]:
     return {
         "tables": tables,
         "states": states,
+        "is_ramp": "ramp" in tables and len(tables["ramp"]) > 0,
         "is_known": lambda name: any(state.columns.is_known(name) for state in states),
         "peak": _peak(tables),
         "outdated": outdated(document.get("pressure_method"), _peak(tables) is not None, _names(tables)),
@@ -112,6 +116,7 @@ def values(document: Document) -> dict[str, Any]:
         "heights": heights,
         "distances": [_distances(tables, height) for height in heights],
         "quantities": quantities,
+        "left_out": left_out((one.title, one.reason) for one in quantities),
         "closed_liner": _closed_liner(quantities),
         "agreement": _agreement(tables),
         "glued": _glued(document["grid"]),

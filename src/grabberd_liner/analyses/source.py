@@ -1,8 +1,9 @@
 """Sources of an analysis in a capture: points, object model, a single view's images, recorded channels."""
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from itertools import chain
 from pathlib import Path
 from textwrap import shorten
 from typing import Any
@@ -13,16 +14,17 @@ from grabberd.archive.capture.rows import RunInfo
 from grabberd.archive.measure_setups import measure_setup
 from grabberd.core.chain.measure import MeasureSetup, single_view_images
 from grabberd.core.channels import Dating, Quantity
+from grabberd.core.field import NumberedField
 from grabberd.core.geometry import Calibration, Rig
 from grabberd.core.ledger import Ledger
-from grabberd.core.reconstruction import ObjectModel
+from grabberd.core.reconstruction import ObjectModel, Points, SingleViewImages
 from grabberd.documents.document import JsonObject
 from grabberd.errors import InputError, NotReady
 from grabberd_liner.analysis.pulsation.movement import TimedPoints
 from grabberd_liner.analysis.vacuum.light_clock import FoundLight, find_light, logged_light
 from grabberd_liner.analysis.vacuum.vacuum import ChannelCurve
 from grabberd_liner.analysis.vacuum.vacuum_log import read_vacuum_log
-from grabberd_liner.chain.analysis.inputs import BY_LIGHT, CHAMBERS, CHANNEL, FLOW
+from grabberd_liner.chain.analysis.inputs import BY_LIGHT, CHAMBERS, CHANNEL, FLOW, channel_of, is_channel
 from grabberd_liner.chain.analysis.wall_state import FieldPoints
 
 _LONGEST_REASON = 200
@@ -49,7 +51,7 @@ class AnalysisSource:
     problem: str | None
 
 
-def read_source(path: Path, run: int | None, single: bool) -> AnalysisSource:
+def read_source(path: Path, run: int | None, single: bool, *, later: bool = False) -> AnalysisSource:
     """Reads a capture.
 
     Points need nothing but themselves, so a run whose calibration or settings this version cannot read only
@@ -59,6 +61,7 @@ def read_source(path: Path, run: int | None, single: bool) -> AnalysisSource:
         path: The capture.
         run: The run whose points are read; None for the latest.
         single: True if the images of targets that one view alone sees are wanted.
+        later: True if `single_view` reads them, of a few fields.
 
     Raises:
         CaptureFileError, NotFound: The capture or the run does not exist.
@@ -72,11 +75,9 @@ def read_source(path: Path, run: int | None, single: bool) -> AnalysisSource:
         first_ns = reader.first_time_ns or 0
         timed = {n: (time_ns, points) for n, time_ns, points in reader.timed_points(info.run)}
         setup, problem = _setup(path, info) if single else (None, None)
-        if setup is not None:
+        if setup is not None and not later:
             points_of = {n: points for n, (_, points) in timed.items()}
-            for n, images in single_view_images(
-                reader.received(), points_of, setup, lambda _: reader.marks_before()
-            ):
+            for n, images in _images(reader, reader.received(), points_of, setup):
                 timed[n] = timed[n][0], replace(points_of[n], single=images)
         fields = [
             FieldPoints(n, TimedPoints((time_ns - first_ns) / 1e9, points))
@@ -84,6 +85,32 @@ def read_source(path: Path, run: int | None, single: bool) -> AnalysisSource:
         ]
         calibration = info.made_with.get("calibration") if setup else None
         return AnalysisSource(fields, model, calibration, _origin(reader, info), problem)
+
+
+def single_view(
+    path: Path, fields: Sequence[FieldPoints], run: int | None, numbers: Sequence[int]
+) -> dict[int, SingleViewImages]:
+    """The images of targets that one view alone sees in some fields of a capture, by the field's number."""
+    with CaptureReader(path) as reader:
+        setup, _ = _setup(path, reader.run(run))
+        if setup is None:
+            return {}
+        points_of = {one.n: one.timed.points for one in fields if one.n in numbers}
+        # What is known of the marks in one field counts in the next ones.
+        if reader.meta.config.get("marks"):
+            wanted = reader.received()
+        else:
+            wanted = chain.from_iterable(reader.received(n, n + 1) for n in sorted(points_of))
+        return dict(_images(reader, wanted, points_of, setup))
+
+
+def _images(
+    reader: CaptureReader,
+    fields: Iterable[NumberedField],
+    points: Mapping[int, Points],
+    setup: MeasureSetup,
+) -> Iterator[tuple[int, SingleViewImages]]:
+    return single_view_images(fields, points, setup, lambda _: reader.marks_before())
 
 
 def read_origin(path: Path, run: int | None) -> tuple[JsonObject, ObjectModel]:
@@ -243,40 +270,38 @@ def _ledger(ledger: Ledger) -> JsonObject:
     return {"total": ledger.total, "received": ledger.received, "lacking": lacking}
 
 
-def wanted_channels(inputs: Mapping[str, Any]) -> list[str]:
-    """Quantities of the channels that the inputs of an analysis refer to."""
-    vacuum, flow = inputs.get("vacuum"), [FLOW] if "milk_flow" in inputs else []
-    if not isinstance(vacuum, Mapping):
-        return flow
-    return [name for name in CHAMBERS if vacuum.get(name) == CHANNEL] + flow
-
-
-def recorded_quantities(path: Path) -> frozenset[str]:
-    """Quantities of which a capture has readings, whether or not it has them for every field.
+def recorded_channels(path: Path) -> dict[str, tuple[str, ...]]:
+    """Names of a capture's channels that have readings, for every field or not, by the quantity they measure.
 
     Raises:
         CaptureFileError: The capture does not exist, or a channel is damaged.
     """
+    found: dict[str, tuple[str, ...]] = {}
     with CaptureReader(path) as reader:
-        channels = [one for one in reader.channels.all if len(reader.channels.read(one.name).time_s)]
-        return frozenset(str(one.quantity) for one in channels)
+        for one in reader.channels.all:
+            if reader.channels.count(one):
+                found[str(one.quantity)] = (*found.get(str(one.quantity), ()), one.name)
+    return found
 
 
 def channel_curves(path: Path, inputs: Mapping[str, Any]) -> dict[str, ChannelCurve]:
-    """The channels that the inputs refer to, by quantity, as far as the capture has them.
+    """The channels that the inputs refer to, by chamber; that of milk flow only if the capture has it.
 
     Raises:
         CaptureFileError: The capture does not exist, or a channel is damaged.
+        InputError: It has no such channel, or several that could be meant.
     """
-    if not (wanted := wanted_channels(inputs)):
+    vacuum = inputs.get("vacuum")
+    given = vacuum if isinstance(vacuum, Mapping) else {}
+    wanted = [name for name in CHAMBERS if is_channel(given.get(name))]
+    flow = [FLOW] if "milk_flow" in inputs else []
+    if not wanted + flow:
         return {}
+    recorded = recorded_channels(path)
+    names = {name: channel_of(name, given[name], recorded.get(name, ())) for name in wanted}
+    names |= {name: channel_of(name, CHANNEL, recorded[name]) for name in flow if name in recorded}
     with CaptureReader(path) as reader:
-        by_quantity = {str(one.quantity): one.name for one in reader.channels.all}
-        return {
-            quantity: _curve(quantity, reader.channels.read(by_quantity[quantity]))
-            for quantity in wanted
-            if quantity in by_quantity
-        }
+        return {chamber: _curve(chamber, reader.channels.read(name)) for chamber, name in names.items()}
 
 
 def _curve(quantity: str, readings: ChannelReadings) -> ChannelCurve:
@@ -289,7 +314,7 @@ def _curve(quantity: str, readings: ChannelReadings) -> ChannelCurve:
         kpa=readings.kpa if channel.quantity.is_vacuum else readings.value,
         sigma_kpa=calibration.sigma_kpa,
         time_sigma_s=math.hypot(float(readings.time_sigma_ns.max(initial=0)) / 1e9, delay_sigma_s),
-        origin=f"channel {channel.name} of the logger {channel.logger}, {calibrated}",
+        origin=f"channel {channel.name} of this capture (logger {channel.logger}, {calibrated})",
         remark=_remark(readings),
         delay_sigma_s=delay_sigma_s,
         logger=channel.logger,

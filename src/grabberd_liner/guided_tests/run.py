@@ -16,10 +16,9 @@ from grabberd.errors import GrabberdError, InputError
 from grabberd.files.checked_file import write_text
 from grabberd.work.job_spec import Progress, portion
 from grabberd_liner.analyses.job import AnalysisOptions, AnalysisOutput, analyse_file, drawn, write_stored
-from grabberd_liner.analyses.source import capture_origin, recorded_quantities
+from grabberd_liner.analyses.source import capture_origin, recorded_channels
 from grabberd_liner.analyses.store import AnalysisStore
 from grabberd_liner.analysis.estimate import Finding
-from grabberd_liner.chain.analysis.inputs import CHAMBERS
 from grabberd_liner.chain.analysis.profile_inputs import Profile
 from grabberd_liner.chain.guided_tests.evaluate import evaluate
 from grabberd_liner.chain.guided_tests.outcome import Check, Curve, Evidence, Offer, Outcome, worst
@@ -287,13 +286,18 @@ def _inputs(
     if reference is not None:
         stated["reference"] = {"capture": reference.id}
     given = inputs.get("vacuum") or {}
-    recorded = recorded_quantities(one.path)
-    channels = {name: "channel" for name in CHAMBERS if name in recorded and "log" not in given}
-    of_recipe = {} if "log" in given else stated.pop("vacuum", {})
-    vacuum = {**of_recipe, **channels, **given}
+    recorded = recorded_channels(one.path)
+    of_recipe = {
+        name: value
+        for name, value in stated.pop("vacuum", {}).items()
+        if name not in {*recorded, *given} and "log" not in given
+    }
+    vacuum = {**of_recipe, **given}
     said = f"the recipe {recipe.kind}"
-    from_recipe = [*(name for name in stated if name not in inputs)]
-    from_recipe += [f"vacuum.{name}" for name in of_recipe if name not in {*channels, *given}]
+    from_recipe = [
+        *(name for name in stated if name not in inputs),
+        *(f"vacuum.{name}" for name in of_recipe),
+    ]
     whole = {**stated, **inputs, **({"vacuum": vacuum} if vacuum else {})}
     return whole, dict.fromkeys(from_recipe, said)
 

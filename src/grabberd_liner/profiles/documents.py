@@ -63,7 +63,7 @@ class LinerProfile(_Profile):
     obtained: dict[str, Word] = Field(
         default_factory=dict,
         description="How each value of the material was obtained, by its key; required for `E_mpa`, "
-        "`wall_mm`, `radius_mm` and `F0_n`.",
+        "`wall_mm`, `F0_n`, and `radius_mm` if it is given.",
     )
     lag: LagDocument | None = Field(
         None,

@@ -93,10 +93,10 @@ def test_a_wall_that_there_is_not_is_refused(
 
 
 def test_a_material_that_lacks_something_names_it(resting: Path, tmp_path: Path) -> None:
-    lacking = {key: value for key, value in MATERIAL.items() if key not in {"F0_n", "law"}}
+    lacking = {key: value for key, value in MATERIAL.items() if key not in {"F0_n", "target_mm"}}
     error = refused(InputError, resting, tmp_path, material=lacking)
     assert "F0_n" in error.message
-    assert "law" in error.message
+    assert "target_mm" in error.message
 
 
 @pytest.mark.parametrize(

@@ -62,7 +62,11 @@ def test_scripts_are_told_what_was_found_what_lacks_and_where_it_is(analysed: tu
     assert quantities["phase_b_share"]["verdict"] == "met"
     assert quantities["teat_load_n"]["value"] is None
     assert quantities["teat_load_n"]["reason"]
-    assert found["lacks"] == ["material.first_end_mm, material.last_end_mm: without them no pressure"]
+    assert found["lacks"] == [
+        "material.first_end_mm, material.last_end_mm: without them no pressure",
+        "flow_stop: without it no overpressure",
+    ]
+    assert found["taken"] == {}
     assert "2 fields are missing and were not filled in: 2 after field 19" in found["problems"][0]
     assert {Path(path).name for path in found["files"]} == written(out)
 
@@ -97,8 +101,8 @@ def test_without_inputs_there_is_the_shape_and_what_lacks_is_said(resting: Path,
     words = said(run(resting, "--out", tmp_path / "out"))
     assert "3 of 3 fields analysed" in words
     assert re.search(r"area_mm2, range over the fields │ [\d.]+ … [\d.]+ │ 0\.\d\d ", words)
-    for lacking in ("reference", "material", "vacuum.pulsation", "sought_kpa"):
-        assert f"not given: {lacking}: without it" in words
+    for lacking in ("reference", "material", "vacuum.pulsation", "flow_stop"):
+        assert f"missing: {lacking}: without it" in words
     assert words.count("only 3 fields: too few for a movement") == 1
     assert written(tmp_path / "out") == CSV | {"report.json"}
 

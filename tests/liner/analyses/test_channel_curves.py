@@ -6,7 +6,8 @@ import pytest
 from archive.captures import PERIOD_NS, slots, write
 from archive.readings import SIGMA_NS, STEP_NS, readings, write_with_channels
 from grabberd.core.channels import Dating
-from grabberd_liner.analyses.source import channel_curves, recorded_quantities, wanted_channels
+from grabberd.errors import InputError
+from grabberd_liner.analyses.source import channel_curves, recorded_channels
 
 BOTH = {"vacuum": {"pulsation": "channel", "liner": "channel"}}
 FIELDS = 60
@@ -24,8 +25,10 @@ def test_they_are_on_the_time_axis_of_the_points_in_kpa(tmp_path):
 
 def test_their_origin_is_told_with_the_date_of_the_calibration(tmp_path):
     found = channel_curves(write_with_channels(tmp_path, slots(FIELDS)), BOTH)
-    assert found["pulsation"].origin == "channel pulsation of the logger tank, calibrated 2026-02-03"
-    assert found["liner"].origin == "channel liner of the logger tank, never calibrated"
+    assert (
+        found["pulsation"].origin == "channel pulsation of this capture (logger tank, calibrated 2026-02-03)"
+    )
+    assert found["liner"].origin == "channel liner of this capture (logger tank, never calibrated)"
     assert found["liner"].remark is None
 
 
@@ -45,20 +48,28 @@ def test_only_those_that_the_inputs_refer_to_are_read(tmp_path):
 
 
 def test_milk_flow_is_read_where_the_inputs_say_what_it_means(tmp_path):
-    assert wanted_channels({"milk_flow": "high"}) == ["flow"]
-    assert wanted_channels({**BOTH, "milk_flow": "low"}) == ["pulsation", "liner", "flow"]
     # A capture without that channel has none, and the inputs' reader says so.
     path = write_with_channels(tmp_path, slots(FIELDS))
-    assert list(channel_curves(path, {"milk_flow": "high"})) == []
+    assert channel_curves(path, {"milk_flow": "high"}) == {}
+    assert list(channel_curves(path, {**BOTH, "milk_flow": "low"})) == ["pulsation", "liner"]
 
 
-def test_a_capture_without_channels_has_none(tmp_path):
-    assert channel_curves(write(tmp_path, slots(3)), BOTH) == {}
+def test_a_capture_without_channels_has_none_to_give(tmp_path):
+    with pytest.raises(InputError, match=r"vacuum\.pulsation is to come from the capture's own channel"):
+        channel_curves(write(tmp_path, slots(3)), BOTH)
 
 
 def test_what_was_recorded_is_told_without_the_inputs(tmp_path):
-    assert recorded_quantities(write_with_channels(tmp_path, slots(FIELDS))) == {"pulsation", "liner"}
+    found = recorded_channels(write_with_channels(tmp_path, slots(FIELDS)))
+    assert found == {"pulsation": ("pulsation",), "liner": ("liner",)}
+
+
+def test_a_channel_may_be_named(tmp_path):
+    path = write_with_channels(tmp_path, slots(FIELDS))
+    assert list(channel_curves(path, {"vacuum": {"liner": {"channel": "liner"}}})) == ["liner"]
+    with pytest.raises(InputError, match="channel pulsation, and it has none"):
+        channel_curves(path, {"vacuum": {"liner": {"channel": "pulsation"}}})
 
 
 def test_nothing_was_recorded_without_channels(tmp_path):
-    assert recorded_quantities(write(tmp_path, slots(3))) == frozenset()
+    assert recorded_channels(write(tmp_path, slots(3))) == {}

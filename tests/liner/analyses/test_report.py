@@ -56,13 +56,14 @@ def test_every_reference_inside_the_page_leads_somewhere(text, page):
 
 
 def test_chapters_are_numbered(page):
-    assert page.headings[:4] == [
+    assert page.headings[:5] == [
         "Analysis report",
         "Missing inputs",
+        "Quantities that are left out",
         "Problems",
         "1 The wall and its pressure",
     ]
-    assert [heading.split()[0] for heading in page.headings[3:]] == [*"123456789"]
+    assert [heading.split()[0] for heading in page.headings[4:]] == [*"123456789", "10"]
 
 
 def test_the_top_says_what_was_found_with_its_sigma(page):

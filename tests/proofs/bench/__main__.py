@@ -11,6 +11,7 @@ from tests.proofs.bench import (
     accuracy,
     adjustment,
     analysis,
+    analysis_cost,
     armour,
     averaging,
     calibrated,
@@ -85,6 +86,7 @@ PARTS: Mapping[str, Mapping[str, Callable[[], str]]] = {
     },
     "adjustment": {"Bundle adjustment compared with scipy.optimize.least_squares": adjustment.table},
     "analysis": {"From points to tension, compared with the simulated ellipse's truth": analysis.table},
+    "analyse": {"The command `grabberd analyse`: processor time and memory": analysis_cost.table_of_commands},
     "content": {
         "Field intake: processor time": content.table,
         "Content checks of every field: detection rates and false alarms": content_found.table,

@@ -49,6 +49,17 @@ def row_heights(mounting: Mounting, grid: Grid, levels: Sequence[RampLevel]) -> 
     return Estimate(value, sigma)
 
 
+def crest_heights(
+    grid: Grid, material: Material, reference: Points | None, levels: Sequence[RampLevel]
+) -> Estimate:
+    """(L,) heights of the inner face as `row_heights` has them, of the row whose walls meet first."""
+    mounting = Mounting.of(grid, material, reference)
+    heights = row_heights(mounting, grid, levels)
+    kpa = np.array([level.difference.kpa for level in levels])
+    row = _first_to_touch(heights.value, kpa, mounting.half.tube.radius_mm)
+    return Estimate(heights.value[:, row], heights.sigma[:, row])
+
+
 def _near_crest(mounting: Mounting, grid: Grid, points: Points) -> Points:
     return points.select(np.abs(mounting.targets.s_mm[grid.indices(points.target)]) < _CREST_MM)
 
@@ -58,14 +69,15 @@ def _of_level(mounting: Mounting, grid: Grid, points: Points, rows: int) -> tupl
     places = mounting.frame.places(points.xyz_mm)
     variance = mounting.frame.covariances(points.covariance_mm2)[:, 2, 2]
     row = grid.row[grid.indices(points.target)]
-    for index in range(rows):
-        of_row = row == index
-        if of_row.sum() < _TERMS:
-            continue
-        design = np.vander(places[of_row, 1], _TERMS, increasing=True) / np.sqrt(variance[of_row, np.newaxis])
-        covariance = np.linalg.pinv(design.T @ design)
-        terms = covariance @ design.T @ (places[of_row, 2] / np.sqrt(variance[of_row]))
-        value[index], sigma[index] = terms[0] - mounting.face_mm, np.sqrt(covariance[0, 0])
+    design = np.vander(places[:, 1], _TERMS, increasing=True)
+    weighted = design / variance[:, np.newaxis]
+    normal, right = np.zeros((rows, _TERMS, _TERMS)), np.zeros((rows, _TERMS))
+    np.add.at(normal, row, weighted[:, :, np.newaxis] * design[:, np.newaxis])
+    np.add.at(right, row, weighted * places[:, 2:])
+    enough = np.bincount(row, minlength=rows) >= _TERMS
+    covariance = np.linalg.pinv(normal[enough])
+    value[enough] = (covariance[:, 0] * right[enough]).sum(axis=1) - mounting.face_mm
+    sigma[enough] = np.sqrt(covariance[:, 0, 0])
     return value, sigma
 
 

@@ -133,10 +133,7 @@ def liner_values(
         raise AnalysisError("the ramp has no levels", "measure its fields, and give both vacuums")
     mounting = Mounting.of(grid, material, reference, rig)
     unused, fallen_mm = _unused(mounting, grid, levels)
-    used = sorted(
-        (index for index, reason in enumerate(unused) if not reason),
-        key=lambda index: levels[index].difference.kpa,
-    )
+    used = _used(unused, levels)
     chosen = [levels[index] for index in used]
     ramp = _ramp(mounting, grid, material, chosen, common_sigma_kpa)
     buckled = _BUCKLED * material.radius_mm
@@ -156,6 +153,22 @@ def liner_values(
         misfit=misfit,
         unused=unused,
     )
+
+
+def used_levels(
+    grid: Grid, material: Material, reference: Points | None, levels: Sequence[RampLevel]
+) -> list[int]:
+    """Indices of the levels that `liner_values` fits, by rising pressure difference.
+
+    Raises:
+        AnalysisError: as `liner_values`, where it does not need the fit.
+    """
+    return _used(_unused(Mounting.of(grid, material, reference), grid, levels)[0], levels)
+
+
+def _used(unused: Sequence[str], levels: Sequence[RampLevel]) -> list[int]:
+    among = (index for index, reason in enumerate(unused) if not reason)
+    return sorted(among, key=lambda index: levels[index].difference.kpa)
 
 
 def _unused(mounting: Mounting, grid: Grid, levels: Sequence[RampLevel]) -> tuple[tuple[str, ...], Array]:

@@ -37,7 +37,11 @@ _LITERATURE = "liner compression as in milking research: pressure of the closed 
 _SIDE = "contact pressure over the half of the wall that faces the cameras, its flanks included"
 _BELOW_END = f"on the last {TEAT_END_MM:g} mm of the teat"
 _COMPRESSIONS = (
-    ("liner_compression_mean_kpa", "liner compression, mean", f"{_CLOSED}, {_ARC} and {_ON_TEAT}"),
+    (
+        "liner_compression_mean_kpa",
+        "liner compression, mean",
+        f"{_CLOSED}, {_ARC} and {_ON_TEAT}: the pressure of the massage",
+    ),
     (
         "liner_compression_greatest_kpa",
         "liner compression, greatest",
@@ -48,7 +52,6 @@ _COMPRESSIONS = (
         "liner compression at the teat's end",
         f"{_BELOW_END}, {_CLOSED} and {_ARC}",
     ),
-    ("massage_pressure_kpa", "massage, pressure", f"the liner compression's mean, {_CLOSED}"),
 )
 """Compressions: name, title and what is averaged."""
 
@@ -200,9 +203,7 @@ def _above_atmosphere(found: Mapping[str, Finding], liner_kpa: Estimate, weights
 
 def _of_closed(closed: LoadProfile, heights: TeatHeights, choice: ChosenHeights) -> Iterator[Finding]:
     over = closed.spans_within(heights.first_mm, heights.last_mm)
-    mean = _sum("liner_compression_mean_kpa", closed, over / over.sum(), choice.mean_kpa2)
-    yield mean
-    yield mean._replace(quantity=QUANTITIES["massage_pressure_kpa"])
+    yield _sum("liner_compression_mean_kpa", closed, over / over.sum(), choice.mean_kpa2)
     greatest, greatest_x_mm = _greatest(closed.compression_kpa, heights.teat, closed.x_mm)
     yield _sum("liner_compression_greatest_kpa", closed, greatest)
     yield Finding.shared(QUANTITIES["liner_compression_greatest_x_mm"], greatest_x_mm)

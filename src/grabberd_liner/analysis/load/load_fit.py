@@ -6,18 +6,27 @@ the prior's covariance (thousands of parameters) need never be inverted. The pos
 likewise.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
 from typing import NamedTuple
 
 import numpy as np
-from scipy.linalg import LinAlgError, blas, cho_factor, cho_solve, lapack
+from scipy.linalg import LinAlgError, blas, cho_solve, cholesky, lapack
 
 from grabberd.core.arrays import Array
 from grabberd.errors import AnalysisError
 from grabberd_liner.analysis.estimate import Joint
 from grabberd_liner.analysis.load.targets import Sights
-from grabberd_liner.analysis.load.wall_model import MPA_PER_KPA, Difference, Linearised, State, WallModel
+from grabberd_liner.analysis.load.wall_model import (
+    MPA_PER_KPA,
+    USUAL,
+    Difference,
+    Linearised,
+    LoadMean,
+    State,
+    WallModel,
+)
 from grabberd_liner.analysis.wall.splines import Basis
 
 STEPS = 60
@@ -28,6 +37,8 @@ _SLOWING, _SHORTENED = 0.5, 0.6
 """A step longer than half the last one swings about the minimum: it is shortened."""
 NEAR_MM = 0.3
 """Next step below which the linearised model is the wall: pressures then err by less than .02 σ."""
+_AT_ONCE = 160
+"""Quantities whose prior variance is found at once, for memory."""
 MISFIT_ALARM = 2.0
 """Misfit above which points and the wall's equilibrium contradict each other."""
 _HINT = "give the liner's own modulus, thickness, pretension and length, and its vacuum on the camera's clock"
@@ -66,11 +77,9 @@ class Followers(NamedTuple):
     """Q quantities of a linearised wall.
 
     Attributes:
-        response: of that wall.
         cross: (Q, 3 T) their prior covariance with the places; `variance`: (Q,) their own.
     """
 
-    response: "Response"
     cross: _Parts
     variance: _Parts
 
@@ -90,13 +99,14 @@ class Response:
     spread: Array
     _covariance: "_Parts"
     _at_points: dict[Basis, Array]
+    _followers: dict[object, Followers]
 
     @classmethod
     def of(cls, model: WallModel, state: State) -> "Response":
         """The response about a state."""
         linear = model.linearised(state)
         spread = model.spread(linear.by_parameters.T)
-        return cls(model, linear, spread, _Parts.of(model, linear.by_parameters, spread), {})
+        return cls(model, linear, spread, _Parts.of(model, linear.by_parameters, spread), {}, {})
 
     def covariance_mm2(self, difference: Difference) -> Array:
         """(3 T, 3 T) prior covariance of the places."""
@@ -108,14 +118,63 @@ class Response:
             self._at_points[basis] = basis.matrices[0] @ self.spread[: self.model.half.grid.count]
         return self._at_points[basis]
 
-    def followers(self, by_parameters: Array) -> "Followers":
+    def followers(self, by_parameters: Array) -> Followers:
         """Quantities (Q, P) that depend on the parameters as the places do."""
-        own = self.model.spread(by_parameters.T)
-        return Followers(
-            self,
-            _Parts.of(self.model, by_parameters, self.spread),
-            _Parts.of(self.model, by_parameters, own, diagonal=True),
-        )
+        parts = [
+            _Parts.of(self.model, some, self.model.spread(some.T), diagonal=True)
+            for some in np.array_split(by_parameters, -(-len(by_parameters) // _AT_ONCE))
+        ]
+        variance = _Parts(*(np.concatenate(part) for part in zip(*parts, strict=True)))
+        return Followers(_Parts.of(self.model, by_parameters, self.spread), variance)
+
+    def kept_followers(self, of: object, by_parameters: Callable[["Response"], Array]) -> Followers:
+        """Followers that something asks for in state after state; kept as long as this."""
+        if of not in self._followers:
+            self._followers[of] = self.followers(by_parameters(self))
+        return self._followers[of]
+
+
+class Gain:
+    """Knowledge that sights give of a linearised wall, whatever the load's prior mean.
+
+    Attributes:
+        response: of the wall.
+        difference: pressure difference that was given.
+        sights: what was seen.
+        factor: (M, M) lower Cholesky factor of the sights' covariance, that by the prior included.
+    """
+
+    def __init__(self, response: Response, sights: Sights, difference: Difference) -> None:
+        """Weighs the sights.
+
+        Raises:
+            LinAlgError: the wall is about to buckle.
+        """
+        self.response, self.sights, self.difference = response, sights, difference
+        model = response.model
+        covariance = sights.of_places(sights.of_places(response.covariance_mm2(difference)).T)
+        covariance += sights.covariance
+        of_model = sights.unit_variance() * model.prior.model_mm(difference.kpa) ** 2
+        covariance[np.diag_indices_from(covariance)] += of_model
+        self.factor: Array = cholesky(covariance, lower=True, overwrite_a=True, check_finite=False)
+        self.variance = float(model.variances(difference)[0])
+        self._points: dict[Basis, Array] = {}
+
+    @cached_property
+    def root(self) -> Array:
+        """(M, M) inverse of the factor: to multiply by it takes a third of the time of solving by it."""
+        return np.asarray(lapack.dtrtri(self.factor, lower=True)[0], np.float64)
+
+    def whitened(self, seen: Array) -> Array:
+        """(M, N) what the sights know of quantities with prior covariance (N, M) with them."""
+        return np.asarray(blas.dtrmm(1.0, self.root, seen.T, lower=True, overwrite_b=True), np.float64)
+
+    def at_points(self, basis: Basis) -> Array:
+        """(M, N) what they know of g at points of the wall; kept."""
+        if basis not in self._points:
+            seen = self.sights.of_places(self.response.at_points(basis))
+            self._points[basis] = self.whitened(self.variance * seen)
+        return self._points[basis]
 
 
 @dataclass(frozen=True, eq=False)
@@ -123,20 +182,51 @@ class Posterior:
     """The load given the sights, by a model linearised near it.
 
     Attributes:
-        response: of the model; its state is within a step of the most probable one.
-        difference: pressure difference that was given.
+        gain: what the sights tell; its state is within a step of the most probable one.
+        mean: prior mean of the load.
         parameters: (P,) the most probable ones.
         j: misfit of sights and prior per sight, about .3–.9; above 2 they contradict each other.
-        sights: what was seen.
+        weighted: (M,) sights' distances from the prior's, by the inverse of their covariance.
     """
 
-    response: Response
-    difference: Difference
+    gain: Gain
+    mean: LoadMean
     parameters: Array
     j: float
-    sights: Sights
-    _factor: tuple[Array, bool]
-    _weighted: Array
+    weighted: Array
+
+    @classmethod
+    def of(cls, gain: Gain, mean: LoadMean) -> "Posterior":
+        """The load by a prior mean."""
+        response, sights, difference = gain.response, gain.sights, gain.difference
+        model, linear = response.model, response.linear
+        before = model.mean(difference, mean)
+        expected = linear.places_mm.ravel() - linear.by_parameters @ (linear.state.parameters - before)
+        innovation = sights.value - sights.of_places(expected[np.newaxis])[0]
+        weighted = cho_solve((gain.factor, True), innovation, check_finite=False)
+        j = float(innovation @ weighted) / len(sights)
+        pull = sights.directions(len(linear.places_mm)).T @ weighted
+        parameters = before + model.variances(difference) * (response.spread @ pull)
+        return cls(gain, mean, parameters, j, weighted)
+
+    def by(self, mean: LoadMean) -> "Posterior":
+        """The load by another prior mean, about the same state."""
+        return Posterior.of(self.gain, mean)
+
+    @property
+    def response(self) -> Response:
+        """The model, linearised."""
+        return self.gain.response
+
+    @property
+    def difference(self) -> Difference:
+        """Pressure difference that was given."""
+        return self.gain.difference
+
+    @property
+    def sights(self) -> Sights:
+        """Sights that were weighed."""
+        return self.gain.sights
 
     @property
     def model(self) -> WallModel:
@@ -194,26 +284,23 @@ class Posterior:
     @cached_property
     def outlying(self) -> Array:
         """(T,) χ² of each target's distance from where all others say it is; 0 for one that was not seen."""
-        inverse, _ = lapack.dpotri(self._factor[0], lower=True)
         distance = np.zeros(len(self.linear.places_mm))
         order = np.argsort(self.sights.target, kind="stable")
         seen, first, count = np.unique(self.sights.target[order], return_index=True, return_counts=True)
         for components in np.unique(count):
             rows = order[first[count == components, np.newaxis] + np.arange(components)]
-            low, high = np.sort(
-                np.stack(np.broadcast_arrays(rows[:, :, np.newaxis], rows[:, np.newaxis])), axis=0
-            )
-            pull = self._weighted[rows]
-            prediction = np.linalg.solve(inverse[high, low], pull[..., np.newaxis])[..., 0]
+            # Blocks of the inverse covariance, from its root's columns.
+            root = self.gain.root.T[rows]
+            pull = self.weighted[rows]
+            prediction = np.linalg.solve(root @ root.transpose(0, 2, 1), pull[..., np.newaxis])[..., 0]
             distance[seen[count == components]] = (pull * prediction).sum(axis=1)
         return distance
 
     def contact_kpa(self, basis: Basis) -> tuple[Array, Array]:
         """Median contact pressure at points of the wall (N,), and its covariance (N, N) in kPa²."""
         g = basis.matrices[0] @ self.model.field(self.parameters, 0)
-        variance = self.model.variances(self.difference)[0]
-        seen = variance * self.sights.of_places(self.response.at_points(basis))
-        covariance = self._left(variance * _unit_covariance(self.model, basis), seen)
+        known = self.gain.at_points(basis)
+        covariance = self.gain.variance * _unit_covariance(self.model, basis) - known.T @ known
         sigma = np.sqrt(np.diagonal(covariance))
         pressure, _ = self.model.prior.contact_mpa(g)
         # Not by the slope at the median: without contact, that is too flat for all that g may be.
@@ -234,11 +321,10 @@ class Posterior:
         """
         model, groups = self.model, len(weights)
         g = basis.matrices[0] @ model.field(self.parameters, 0)
-        unit, variance = _unit_covariance(model, basis), float(model.variances(self.difference)[0])
-        prior = variance * np.diagonal(unit)
-        whitened = self._whitened(variance * self.sights.of_places(self.response.at_points(basis)))
+        unit, variance = _unit_covariance(model, basis), self.gain.variance
+        prior, whitened = variance * np.diagonal(unit), self.gain.at_points(basis)
         # Rounding must not leave a place that is very well known with no σ at all.
-        sigma = np.sqrt(np.maximum(prior - (whitened * whitened).sum(axis=0), 1e-6 * prior))
+        sigma = np.sqrt(np.maximum(prior - _squares(whitened), 1e-6 * prior))
         pressure, _ = model.prior.contact_mpa(g)
         scaled = weights * (model.prior.spread_mpa(g, sigma) / sigma).reshape(groups, 1, -1)
         half = (scaled @ unit.reshape(groups, scaled.shape[2], -1)).reshape(-1, *scaled.shape[::2])
@@ -269,23 +355,23 @@ class Posterior:
         model, groups = self.model, len(weights)
         _, slope = model.prior.contact_mpa(basis.matrices[0] @ model.field(self.parameters, 0))
         scaled = weights * slope.reshape(groups, 1, -1)
-        variance = float(model.variances(self.difference)[0])
-        whitened = self._whitened(variance * self.sights.of_places(self.response.at_points(basis)))
+        whitened = self.gain.at_points(basis)
         seen = (scaled @ whitened.T.reshape(groups, scaled.shape[2], -1)).reshape(-1, len(whitened))
         cross = followers.cross.sum(model, self.difference)
-        others = self._whitened(self.sights.of_places(cross)).T
+        others = self.gain.whitened(self.sights.of_places(cross)).T
         joint = np.concatenate([seen / MPA_PER_KPA, others])
-        gain: Array = blas.dtrsm(1.0, self._factor[0], joint.T, lower=True, trans_a=1).T
+        gain = joint @ self.gain.root
         of_reference = self.sights.of_places(self.sights.of_places(reference_mm2).T)
         own = self.sights.covariance - of_reference
         return gain @ own @ gain.T, gain @ of_reference @ gain.T
 
     def sigma(self, followers: Followers) -> Array:
         """(Q,) σ of quantities of the wall that was linearised."""
-        whitened = self._whitened(self.sights.of_places(followers.cross.sum(self.model, self.difference)))
+        cross = followers.cross.sum(self.model, self.difference)
+        whitened = self.gain.whitened(self.sights.of_places(cross))
         prior = followers.variance.sum(self.model, self.difference)
         # Rounding must not leave what is very well known with no σ at all.
-        left = np.maximum(prior - (whitened * whitened).sum(axis=0), 1e-9 * prior)
+        left = np.maximum(prior - _squares(whitened), 1e-9 * prior)
         return np.sqrt(left)
 
     def tube_values(self) -> tuple[Array, Array]:
@@ -303,13 +389,13 @@ class Posterior:
 
     def _left(self, prior: Array, seen: Array) -> Array:
         """(N, N) posterior covariance, from the prior one and that with the sights (N, M)."""
-        whitened = self._whitened(seen)
+        whitened = self.gain.whitened(seen)
         return prior - whitened.T @ whitened
 
-    def _whitened(self, seen: Array) -> Array:
-        """(M, N) what the sights know of quantities with prior covariance (N, M) with them."""
-        # BLAS itself: it solves in place, and scipy's own would look for what is not finite.
-        return blas.dtrsm(1.0, self._factor[0], seen.T, lower=True, overwrite_b=True)
+
+def _squares(columns: Array) -> Array:
+    """(N,) sums of squares of columns (M, N)."""
+    return np.asarray(np.einsum("mn,mn->n", columns, columns), np.float64)
 
 
 @lru_cache(maxsize=4)
@@ -321,36 +407,29 @@ def _unit_covariance(model: WallModel, basis: Basis) -> Array:
     return np.asarray(at @ model.prior.spread(model.half.grid, columns)[0], np.float64)
 
 
-def posterior(response: Response, sights: Sights, difference: Difference) -> Posterior:
+def posterior(
+    response: Response, sights: Sights, difference: Difference, mean: LoadMean = USUAL
+) -> Posterior:
     """The load given the sights, by a model that was linearised before.
 
     Raises:
         AnalysisError: the wall is about to buckle.
     """
-    model, linear = response.model, response.linear
-    covariance = sights.of_places(sights.of_places(response.covariance_mm2(difference)).T)
-    covariance += sights.covariance
-    of_model = sights.unit_variance() * model.prior.model_mm(difference.kpa) ** 2
     try:
-        covariance[np.diag_indices_from(covariance)] += of_model
-        factor = cho_factor(covariance, lower=True, overwrite_a=True, check_finite=False)
+        return Posterior.of(Gain(response, sights, difference), mean)
     except LinAlgError as error:
         raise AnalysisError(
             f"at {difference.kpa:.3g} kPa the wall is about to buckle: the load cannot be told",
             _HINT,
         ) from error
-    mean = model.mean(difference)
-    expected = linear.places_mm.ravel() - linear.by_parameters @ (linear.state.parameters - mean)
-    innovation = sights.value - sights.of_places(expected[np.newaxis])[0]
-    weighted = cho_solve(factor, innovation)
-    j = float(innovation @ weighted) / len(sights)
-    pull = sights.directions(len(linear.places_mm)).T @ weighted
-    parameters = mean + model.variances(difference) * (response.spread @ pull)
-    return Posterior(response, difference, parameters, j, sights, factor, weighted)
 
 
 def fit_load(
-    model: WallModel, sights: Sights, difference: Difference, start: State | None = None
+    model: WallModel,
+    sights: Sights,
+    difference: Difference,
+    start: State | None = None,
+    mean: LoadMean = USUAL,
 ) -> tuple[Posterior, int]:
     """Fits the load, and counts the steps it took.
 
@@ -359,13 +438,14 @@ def fit_load(
         sights: what was seen of its targets.
         difference: pressure difference.
         start: a state to begin with; by default the open wall.
+        mean: prior mean of the load.
 
     Raises:
         AnalysisError: the wall does not settle.
     """
-    state, last_mm = start or model.start(difference), np.inf
+    state, last_mm = start or model.start(difference, mean), np.inf
     for step in range(1, STEPS + 1):
-        found = posterior(Response.of(model, state), sights, difference)
+        found = posterior(Response.of(model, state), sights, difference, mean)
         longest_mm = found.longest_mm
         if longest_mm < NEAR_MM:
             return found, step

@@ -18,7 +18,7 @@ import numpy as np
 from grabberd.core.arrays import Array, Mask
 from grabberd.errors import AnalysisError
 from grabberd_liner.analysis.estimate import Estimate, Joint
-from grabberd_liner.analysis.load.load_fit import Followers, Posterior
+from grabberd_liner.analysis.load.load_fit import Posterior, Response
 from grabberd_liner.analysis.load.wall_model import WallModel
 from grabberd_liner.analysis.wall.shell import Geometry, inner_area
 from grabberd_liner.analysis.wall.splines import gauss_rule
@@ -134,7 +134,6 @@ class Sections:
         self._x_mm, self._weights_mm, self._seen = x_mm, weights, seen
         self._basis = grid.basis(np.tile(s_mm, heights), np.repeat(x_mm, len(s_mm)))
         self._crest = grid.basis(np.zeros(heights), x_mm)
-        self._gaps: list[Followers] = []
         # Beside them the crest, where the gap is read: one geometry serves both.
         self._with_crest = grid.basis(
             np.concatenate([np.tile(s_mm, heights), np.zeros(heights)]),
@@ -173,17 +172,17 @@ class Sections:
 
     def _noise(self, found: Posterior, weights: Array, reference_mm2: Array) -> Noise:
         """Noise of the sums with these weights, and of the gap."""
-        gap = next((one for one in self._gaps if one.response is found.response), None)
-        if gap is None:
-            by_values = np.zeros((len(self._x_mm), 1, *_BY_VALUES))
-            by_values[:, 0, 0, _HEIGHT] = 2.0
-            by_control = self._crest.by_control(by_values)
-            gap = found.response.followers(found.model.followed(found.linear, by_control))
-        self._gaps = [*[one for one in self._gaps if one is not gap][-1:], gap]
+        gap = found.response.kept_followers(self, self._gap_by_parameters)
         count = len(self._x_mm)
         order = np.r_[0 : 2 * count : 2, 1 : 2 * count : 2, 2 * count : 3 * count]
         parts = found.noise_of_sums(self._basis, weights, gap, reference_mm2)
         return Noise(*(one[np.ix_(order, order)] for one in parts))
+
+    def _gap_by_parameters(self, response: Response) -> Array:
+        """(H, P) derivatives of the gap at the state that was linearised."""
+        by_values = np.zeros((len(self._x_mm), 1, *_BY_VALUES))
+        by_values[:, 0, 0, _HEIGHT] = 2.0
+        return response.model.followed(response.linear, self._crest.by_control(by_values))
 
 
 def _rule(borders_mm: tuple[float, ...]) -> tuple[Array, Array, Array]:

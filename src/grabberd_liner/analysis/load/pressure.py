@@ -28,7 +28,15 @@ from grabberd_liner.analysis.load.load_profile import LoadProfile, Sections, is_
 from grabberd_liner.analysis.load.mounting import Mounting
 from grabberd_liner.analysis.load.targets import Sights
 from grabberd_liner.analysis.load.teat_map import TeatMap, teat_map
-from grabberd_liner.analysis.load.wall_model import WIDE, Difference, LoadPrior, TubePrior, WallModel
+from grabberd_liner.analysis.load.wall_model import (
+    USUAL,
+    WIDE,
+    Difference,
+    LoadMean,
+    LoadPrior,
+    TubePrior,
+    WallModel,
+)
 from grabberd_liner.analysis.load.wall_surfaces import FaceLattice, MiddleSurface, MiddleSurfaces, OuterFace
 from grabberd_liner.analysis.surface.fitting import LARGEST_SHARE_OUT, OUTLYING
 from grabberd_liner.analysis.wall.material import Material, Zone
@@ -156,7 +164,8 @@ def _ratio(one: PressureMap) -> Array:
 REACH_MM = 0.8
 """Movement of the wall within which a linearised model holds: at 1 mm contact pressures err by up to .2 σ."""
 _MOST = 2
-"""Linearised models kept, of 24 MB each: enough for states in the order of the wall's departure."""
+"""Linearised models kept, of 35 MB each with their followers: enough for states in the order of the wall's
+departure."""
 
 
 class LoadSeries:
@@ -171,43 +180,58 @@ class LoadSeries:
         self.model = model
         self._known: list[Response] = []
 
-    def load(self, sights: Sights, difference: Difference) -> Posterior:
+    def load(
+        self,
+        sights: Sights,
+        difference: Difference,
+        mean: LoadMean = USUAL,
+        near: Posterior | None = None,
+    ) -> Posterior:
         """The load in one state.
+
+        Args:
+            sights: what was seen.
+            difference: pressure difference.
+            mean: prior mean of the load.
+            near: the load of the same state by another one.
 
         Raises:
             AnalysisError: the wall does not settle.
         """
-        found = self._near_known(sights, difference)
+        if near is not None and (same := near.by(mean)).longest_mm < REACH_MM:
+            return same
+        found = self._near_known(sights, difference, mean)
         if found is None or found.j > MISFIT_ALARM:
-            begun = self._begun(sights, difference)
+            begun = self._begun(sights, difference, mean)
             if found is None or begun.j < found.j:
                 found = begun
         if not any(found.response is known for known in self._known):
             self._known = [*self._known[1 - _MOST :], found.response]
         return found
 
-    def _near_known(self, sights: Sights, difference: Difference) -> Posterior | None:
+    def _near_known(self, sights: Sights, difference: Difference, mean: LoadMean) -> Posterior | None:
         """The load, sought from the nearest state that is known; None if it is not found from there."""
         if not self._known:
             return None
         try:
-            found = posterior(self._nearest(sights), sights, difference)
+            found = posterior(self._nearest(sights), sights, difference, mean)
             if found.longest_mm < REACH_MM:
                 return found
-            return fit_load(self.model, sights, difference, found.moved(REACH_MM / found.longest_mm))[0]
+            start = found.moved(REACH_MM / found.longest_mm)
+            return fit_load(self.model, sights, difference, start, mean)[0]
         except AnalysisError:
             return None  # the open wall is a safer start, and decides whether there is a load at all
 
-    def _begun(self, sights: Sights, difference: Difference) -> Posterior:
+    def _begun(self, sights: Sights, difference: Difference, mean: LoadMean) -> Posterior:
         """The load, sought from the open wall; first by the targets that both views see.
 
         From afar, a ray that a target may slide along leads into a wrong fold.
         """
         of_points = sights.of_both_views()
-        found, _ = fit_load(self.model, of_points, difference)
+        found, _ = fit_load(self.model, of_points, difference, mean=mean)
         if len(of_points) == len(sights):
             return found
-        return fit_load(self.model, sights, difference, found.moved())[0]
+        return fit_load(self.model, sights, difference, found.moved(), mean)[0]
 
     def _nearest(self, sights: Sights) -> Response:
         places_mm = np.stack([one.linear.places_mm.ravel() for one in self._known])
@@ -228,7 +252,7 @@ wall is hardly flat for longer."""
 _MEAN_SHARE = 0.03
 """Share by which a mean errs beyond its covariance, on walls solved as solids."""
 _ODDS = 2.0
-"""Of the usual prior over `WIDE`, before the liner's values are looked at."""
+"""Of the usual prior mean over `WIDE`, before the liner's values are looked at."""
 _CLOSING_KPA = (12.0, 20.0)
 """Pressure difference from which on a wall may press far round its teat; from the second one on that counts
 in full, for a load must not leap from field to field."""
@@ -302,15 +326,14 @@ class PressureModel:
         self._grid, self._sought_kpa = grid, sought_kpa
         self._mounting = Mounting.of(grid, material, reference, rig)
         self._series = self._of(material, unseen == "mirrored")
-        self._wide = self._of(material, unseen == "mirrored", WIDE)
         self._compared = self._of(material, False) if unseen == "mirrored" else None
         self._middle = MiddleSurfaces(self._series.model, material)
         self._lattice = FaceLattice(grid, self._mounting)
         self._sections: Sections | None = None
 
-    def _of(self, material: Material, mirrored: bool, prior: LoadPrior | None = None) -> LoadSeries:
+    def _of(self, material: Material, mirrored: bool) -> LoadSeries:
         half, targets = self._mounting.half, self._mounting.targets
-        return LoadSeries(WallModel(half, targets, prior or LoadPrior(), TubePrior.of(material), mirrored))
+        return LoadSeries(WallModel(half, targets, LoadPrior(), TubePrior.of(material), mirrored))
 
     def settled(self, points: Points, vacuum: ChamberVacuum) -> SettledWall:
         """The wall in equilibrium at one field, without points that the others contradict.
@@ -332,7 +355,7 @@ class PressureModel:
         return SettledWall(found, free, left_out, alone, other, share)
 
     def _weighed(self, sights: Sights, difference: Difference) -> tuple[Posterior, Posterior | None, float]:
-        """The more probable of the walls by both priors of the load, the other one, and its probability.
+        """The more probable of the walls by both prior means of the load, the other one, and its probability.
 
         By the liner's values, which all rows share: how well each explains the points cannot be compared, for
         where a wall does not press, nothing that the load might be moves it.
@@ -344,11 +367,11 @@ class PressureModel:
         try:
             found = self._series.load(sights, difference)
         except AnalysisError:
-            return self._wide.load(sights, difference), None, 0.0
+            return self._series.load(sights, difference, WIDE), None, 0.0
         if not counts:
             return found, None, 0.0
         try:
-            wide = self._wide.load(sights, difference)
+            wide = self._series.load(sights, difference, WIDE, near=found)
         except AnalysisError:
             return found, None, 0.0
         share = counts / (1 + _ODDS * float(np.exp((wide.liner_misfit - found.liner_misfit) / 2)))
@@ -452,7 +475,7 @@ def _without_outliers(found: Posterior) -> tuple[Posterior, tuple[int, ...]]:
         if outlying[worst] < OUTLYING:
             return kept, tuple(left_out)
         left_out.append(worst)
-        kept = posterior(kept.response, kept.sights.without(worst), kept.difference)
+        kept = posterior(kept.response, kept.sights.without(worst), kept.difference, kept.mean)
     return found, ()
 
 

@@ -161,10 +161,16 @@ class Sights:
     def of_places(self, columns: Array) -> Array:
         """(N, M) products of rows with T targets' places (N, 3 T) with the sights' directions; a copy."""
         axis = np.abs(self.direction).argmax(axis=1)
-        # Along the axes, as where both views see all of a field's targets, they only have to be picked.
-        if np.count_nonzero(self.direction) == len(self) and (self.direction.max(axis=1) == 1.0).all():
-            return columns.take(_OF_A_POINT * self.target + axis, axis=1)
-        return columns @ self.directions(columns.shape[1] // _OF_A_POINT).T
+        picked = columns.take(_OF_A_POINT * self.target + axis, axis=1)
+        # Along the axes, as most are, they only have to be picked.
+        slanted = np.flatnonzero(
+            (np.count_nonzero(self.direction, axis=1) > 1) | (self.direction.max(axis=1) != 1.0)
+        )
+        first = _OF_A_POINT * self.target[slanted]
+        parts = (columns.take(first + k, axis=1) * self.direction[slanted, k] for k in range(_OF_A_POINT))
+        if len(slanted):
+            picked[:, slanted] = sum(parts)
+        return picked
 
     def directions(self, targets: int) -> sparse.csr_matrix:
         """(M, 3 T) the sights as combinations of all T targets' places."""

@@ -46,9 +46,6 @@ class LoadPrior:
 
     Attributes:
         softness_kpa: b, under which a contact pressure dies out.
-        mean: mean of g on the line that faces the cameras, by the pressure difference.
-        falloff: by how much that falls with the square of the way to the cuts: the wall folds there, away
-            from the teat. `level` is the part of the way from which on the mean is level.
         amplitude: standard deviation of g, by the pressure difference: the wall has no more to press with.
         least_kpa: the pressure difference is taken for at least that.
         round_mm, along_mm: lengths over which g is correlated.
@@ -60,9 +57,6 @@ class LoadPrior:
     """
 
     softness_kpa: float = 2.5
-    mean: float = -1.0
-    falloff: float = 8.0
-    level: float = 0.5
     amplitude: float = 1.4
     least_kpa: float = 15.0
     round_mm: float = 6.0
@@ -93,10 +87,10 @@ class LoadPrior:
     def _scale_mpa(self, difference_kpa: float) -> float:
         return max(difference_kpa, self.least_kpa) * MPA_PER_KPA
 
-    def mean_mpa(self, grid: SplineGrid, difference_kpa: float) -> Array:
+    def mean_mpa(self, grid: SplineGrid, difference_kpa: float, mean: "LoadMean") -> Array:
         """(K,) prior mean of g's control values under a pressure difference."""
-        turned = np.minimum(np.abs(grid.around.greville) / grid.around.greville[-1], self.level)
-        around = self._scale_mpa(difference_kpa) * (self.mean - self.falloff * turned**2)
+        turned = np.minimum(np.abs(grid.around.greville) / grid.around.greville[-1], mean.level)
+        around = self._scale_mpa(difference_kpa) * (mean.crest - mean.falloff * turned**2)
         return np.tile(around, grid.along.count)
 
     def scale_mpa(self, difference_kpa: float) -> float:
@@ -126,7 +120,23 @@ class LoadPrior:
         return [sigma**2 * correlation for sigma in deviations for _ in range(2)]
 
 
-WIDE = LoadPrior(mean=-0.5, falloff=4.0, level=0.7)
+class LoadMean(NamedTuple):
+    """Prior mean of g round the wall, by the pressure difference.
+
+    Attributes:
+        crest: on the line that faces the cameras.
+        falloff: by how much it falls with the square of the way to the cuts: the wall folds there, away from
+            the teat.
+        level: the part of the way from which on it is level.
+    """
+
+    crest: float
+    falloff: float
+    level: float
+
+
+USUAL = LoadMean(-1.0, 8.0, 0.5)
+WIDE = LoadMean(-0.5, 4.0, 0.7)
 """Of a wall that presses far round its teat.
 
 The usual prior takes that for so unlikely, row by row, that it would rather have a stiffer and thicker wall.
@@ -181,6 +191,8 @@ def _correlation(at_mm: Array, length_mm: float) -> Array:
 
 _SMALL = 1e-4
 """Step of a logarithm: its square is far below what a residual rounds to."""
+_AT_ONCE = 160
+"""Adjoint solutions at once: more are no faster."""
 TUBE_VALUES = 4
 """Logarithmic changes of Young's modulus, thickness and pretension; the pressure difference in MPa."""
 
@@ -261,16 +273,16 @@ class WallModel:
         """Number P of parameters."""
         return self._forced.stop
 
-    def mean(self, difference: Difference) -> Array:
+    def mean(self, difference: Difference, by: LoadMean = USUAL) -> Array:
         """(P,) prior mean of the parameters."""
         mean = np.zeros(self.count)
-        mean[self.of_load] = self.prior.mean_mpa(self.half.grid, difference.kpa)
+        mean[self.of_load] = self.prior.mean_mpa(self.half.grid, difference.kpa, by)
         mean[self.of_difference] = difference.kpa * MPA_PER_KPA
         return mean
 
-    def start(self, difference: Difference) -> State:
+    def start(self, difference: Difference, mean: LoadMean = USUAL) -> State:
         """The open wall."""
-        return State(self.half.mounted, self.mean(difference))
+        return State(self.half.mounted, self.mean(difference, mean))
 
     def spread(self, columns: Array) -> Array:
         """(P, M) prior covariance times columns (P, M), with unit variances of g and pressure difference."""
@@ -371,9 +383,12 @@ class WallModel:
         return self._followed(linear.factors, linear.forces, by_control)
 
     def _followed(self, factors: Factors, forces: Forces, by_control: sparse.csr_matrix) -> Array:
-        cuts = self.half.cuts
-        # One adjoint solution for each row: far fewer than there are parameters.
-        followed = forces.transposed(factors.solve((by_control @ cuts.free).toarray().T, transposed=True))
+        cuts, followed = self.half.cuts, np.empty((by_control.shape[0], self.count))
+        # One adjoint solution for each row: far fewer than there are parameters. Some at a time, for memory.
+        for first in range(0, len(followed), _AT_ONCE):
+            rows = slice(first, first + _AT_ONCE)
+            adjoint = factors.solve((by_control[rows] @ cuts.free).toarray().T, transposed=True)
+            followed[rows] = forces.transposed(adjoint)
         if not self.mirrored:
             followed[:, self._moved] += (by_control @ cuts.moved).toarray()
         return followed

@@ -13,11 +13,12 @@ from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
+from scipy import sparse
 
 from grabberd.core.arrays import Array, Indices, Mask
 from grabberd_liner.analysis.estimate import Estimate
 from grabberd_liner.analysis.grid import Grid
-from grabberd_liner.analysis.load.load_fit import Followers, Posterior, Response
+from grabberd_liner.analysis.load.load_fit import Posterior, Response
 from grabberd_liner.analysis.load.mounting import Mounting
 from grabberd_liner.analysis.load.targets import TargetPlaces, Targets
 from grabberd_liner.analysis.load.wall_model import WallModel
@@ -43,7 +44,7 @@ class OuterFace:
     Attributes:
         lattice: of the wall's model.
         control_mm: (K, 3) control values over the lattice.
-        target_covariance_mm2: (3 T, 3 T) of the targets' places, in the liner's frame.
+        target_covariance_mm2: (3, T, 3 T) of the targets' places, in the object's frame: by axis and target.
         supported: as in `Surface`; `misfit`; `problems`.
     """
 
@@ -68,9 +69,8 @@ class OuterFace:
         values, members = self.lattice.splines(u_mm, v_mm, 1)
         by_targets = (values @ self.lattice.by_targets[members])[:, 0]
         count = by_targets.shape[1]
-        covariance = self.target_covariance_mm2.reshape(count, 3, count, 3)
-        each = [np.tensordot(covariance @ axis, axis, (1, 0)) for axis in self.lattice.axes.T]
-        variances = [((by_targets @ one) * by_targets).sum(axis=1) for one in each]
+        of_axes = (one[:, k * count : (k + 1) * count] for k, one in enumerate(self.target_covariance_mm2))
+        variances = [np.einsum("nt,nt->n", by_targets @ one, by_targets) for one in of_axes]
         variance = np.stack(variances, axis=1)
         places = (values @ self.control_mm[members])[:, 0]
         return Estimate(places, np.sqrt(np.maximum(variance, 0.0)))
@@ -86,12 +86,13 @@ class OuterFace:
         values, members = self.lattice.splines(u_mm, v_mm, derivatives)
         each = values.transpose(0, 2, 1) @ weights.transpose(1, 2, 0, 3).reshape(places, derivatives, -1)
         flat, size = members.ravel(), len(self.control_mm)
-        columns = each.reshape(-1, 3 * count).T
-        by_lattice = np.stack([np.bincount(flat, column, size) for column in columns], axis=1)
+        gather = sparse.csr_matrix((np.ones(len(flat)), flat, np.arange(len(flat) + 1)), (len(flat), size))
+        by_lattice = np.asarray(gather.T @ each.reshape(-1, 3 * count), np.float64)
         by_targets = self.lattice.by_targets.T @ by_lattice
-        gradient = by_targets.reshape(-1, count, 3).transpose(1, 0, 2) @ self.lattice.axes.T
-        gradient = gradient.reshape(count, -1)
-        return gradient @ self.target_covariance_mm2 @ gradient.T
+        # By axis and target, as the covariance is.
+        gradient = by_targets.reshape(-1, count, 3).transpose(1, 2, 0).reshape(count, -1)
+        covariance = self.target_covariance_mm2.reshape(gradient.shape[1], -1)
+        return np.asarray(gradient @ covariance @ gradient.T, np.float64)
 
 
 class FaceLattice:
@@ -137,9 +138,16 @@ class FaceLattice:
         tube = model.tube(found.parameters)
         in_frame = self._places.places_mm(model.half, found.control, tube)
         places_mm = mounting.frame.origin_mm + in_frame @ mounting.frame.axes
-        covariance = found.places_covariance(mounting.shared_mm2)
+        covariance = self._in_object_frame(found.places_covariance(mounting.shared_mm2))
         misfit = float(found.outlying.sum()) / len(found.sights)
         return OuterFace(self, self._spline @ places_mm, covariance, supported, misfit, problems)
+
+    def _in_object_frame(self, covariance_mm2: Array) -> Array:
+        """(3, T, 3 T) by axis and target, of a covariance (3 T, 3 T) by target and axis of the liner's."""
+        count = len(covariance_mm2) // 3
+        by_target = covariance_mm2.reshape(count, 3, count, 3).transpose(1, 3, 0, 2).reshape(3, -1)
+        half = (self.axes.T @ by_target).reshape(3, 3, -1)
+        return (self.axes.T @ half).reshape(3, 3, count, count).transpose(0, 2, 1, 3).reshape(3, count, -1)
 
     def splines(self, u_mm: Array, v_mm: Array, count: int) -> tuple[Array, Indices]:
         """Values, derivatives by u and by v, as many as are wanted, of the splines that matter.
@@ -175,8 +183,6 @@ def _smooth(domain: Domain, targets: tuple[Array, Array], nodes: tuple[Array, Ar
 
 _STEP = 1e-6
 """Of differences by the forms, in mm/mm and 1/mm, and by logarithms: all are of the order of .1 to 1."""
-_KEPT = 2
-"""Linearised walls whose followers are kept, 3 MB each: fields come in the order of the wall's departure."""
 _PER_M = 1e3
 _MODEL_SHARES = (0.1, 0.15, 0.15)
 """σ of the model itself, of curvature, strain and tension, by what they have changed since the liner was
@@ -212,26 +218,18 @@ class MiddleSurfaces:
         mounted = _forms(Geometry.of(model.targets, model.half.at_rest()))
         self._before = _tensors(mounted[:3])
         self._open = self._of_forms(mounted, np.zeros(model.count))
-        self._known: list[Followers] = []
 
     def of(self, found: Posterior) -> MiddleSurface:
         """The middle surface of a wall that was fitted to its targets."""
         control = found.control
         values = self._of_forms(_forms(Geometry.of(self._model.targets, control)), found.parameters)
-        sigma = found.sigma(self._followers(found.response)).reshape(values.shape)
+        followers = found.response.kept_followers(self, self._by_parameters)
+        sigma = found.sigma(followers).reshape(values.shape)
         change = (values - self._open).reshape(len(values), -1, 2)
         model = np.multiply(_MODEL_SHARES, np.sqrt((change**2).mean(axis=(0, 2))))
         sigma = np.hypot(sigma, np.repeat(model, 2))
         pairs = [Estimate(values[:, k : k + 2], sigma[:, k : k + 2]) for k in (0, 2, 4)]
         return MiddleSurface(*pairs)
-
-    def _followers(self, response: Response) -> Followers:
-        """Quantities of a linearised wall, as they follow its parameters; made once for each wall."""
-        known = next((one for one in self._known if one.response is response), None)
-        if known is None:
-            known = response.followers(self._by_parameters(response))
-        self._known = [*[one for one in self._known if one is not known][1 - _KEPT :], known]
-        return known
 
     def _by_parameters(self, response: Response) -> Array:
         """(6 N, P) derivatives at the state that was linearised."""

@@ -470,10 +470,15 @@ LIMITS: tuple[Limit, ...] = (
 )
 
 
-def pulsator_limits(phases: Phases | None) -> tuple[Finding, ...]:
-    """The phases of a vacuum, each with its verdict: met, not met, or not certain within 2 σ of the limit."""
+def pulsator_limits(phases: Phases | None, reason: str = NO_CURVE) -> tuple[Finding, ...]:
+    """The phases of a vacuum, each with its verdict: met, not met, or not certain within 2 σ of the limit.
+
+    Args:
+        phases: of the vacuum; None if it has none.
+        reason: why it has none.
+    """
     if phases is None or phases.defined_by != "vacuum":
-        return tuple(Finding.missing(limit.quantity, NO_CURVE) for limit in LIMITS)
+        return tuple(Finding.missing(limit.quantity, reason) for limit in LIMITS)
     duration = Estimate(phases.durations_s.value[_CLOSED], phases.durations_s.sigma[_CLOSED])
     values = (_share(phases, _OPEN), _share(phases, _CLOSED), duration)
     return tuple(

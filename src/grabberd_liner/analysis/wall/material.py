@@ -1,5 +1,5 @@
-"""The wall's material, an input without silent defaults: its values, the tension by its law, and its
-document, one material for the whole liner or one for each zone of rows.
+"""The wall's material, an input: its values, the tension by its law, and its document, one material for the
+whole liner or one for each zone of rows. Modulus, thickness and mounting force never have a default.
 
 The state before mounting → (pre-tension, `Wall.along` and `Wall.across`) → the reference state, mounted →
 (measured) → the present one: the stretches compose, and the law sees them all at once.
@@ -14,7 +14,7 @@ import numpy as np
 from grabberd.core.arrays import Array, Indices, Mask
 from grabberd.core.geometry import Reading
 from grabberd.errors import AnalysisError, InputError
-from grabberd_liner.analysis.grid import Grid
+from grabberd_liner.analysis.grid import Grid, NominalShape
 from grabberd_liner.analysis.wall.strain import determinant, inverse, trace
 
 LAWS = ("neo_hookean", "linear")
@@ -36,7 +36,8 @@ class Material:
         wall_mm: thickness of the wall, as mounted.
         poisson: ν; .5 for the law `neo_hookean`, which keeps the volume.
         F0_n: axial mounting force; 0 is allowed, but has to be given.
-        radius_mm: radius of the mounted liner's middle surface: the mounting tension is F0 / 2πR.
+        radius_mm: radius of the mounted liner's middle surface: the mounting tension is F0 / 2πR. NaN where
+            it is that of the object model, which `read_zones` puts in.
         target_mm: thickness of the targets on the outer face.
         law: `neo_hookean` or `linear` (in the stretches λ − 1).
         first_end_mm: x, in the object's frame, of the end at lesser x that holds the liner; `last_end_mm`: of
@@ -51,11 +52,11 @@ class Material:
 
     E_mpa: float
     wall_mm: float
-    poisson: float
     F0_n: float
-    radius_mm: float
     target_mm: float
-    law: str
+    poisson: float = 0.5
+    radius_mm: float = float("nan")
+    law: str = LAWS[0]
     first_end_mm: float | None = None
     last_end_mm: float | None = None
     E_sigma_mpa: float = 0.0
@@ -95,7 +96,7 @@ class Material:
 
 
 def _numbers(material: Material) -> list[str]:
-    above = ("E_mpa", "wall_mm", "radius_mm")
+    above = ("E_mpa", "wall_mm", *(() if np.isnan(material.radius_mm) else ("radius_mm",)))
     from_zero = ("F0_n", "target_mm", *_SIGMAS.values())
     problems = [_problem(material, name, "above 0", lambda v: v > 0) for name in above]
     problems += [_problem(material, name, "from 0", lambda v: v >= 0) for name in from_zero]
@@ -293,9 +294,9 @@ def _tensor(scalar: Array) -> Array:
 _KEYS = tuple(field.name for field in fields(Material))
 _ZONE_KEYS = ("rows", *_KEYS)
 _OPTIONAL_KEYS = tuple(
-    name for name in _KEYS if any(part in name for part in ("sigma", "end", "correlation"))
+    name for name in _KEYS if any(part in name for part in ("sigma", "end", "correlation", "radius"))
 )
-_DOCUMENT_HINT = "give the values of the very liner in the teatcup; none of them is assumed"
+_DOCUMENT_HINT = "give the values of the very liner in the teatcup"
 
 
 class Part(NamedTuple):
@@ -308,11 +309,30 @@ class Part(NamedTuple):
 def read_zones(document: Mapping[str, object], grid: Grid) -> tuple[Zone, ...]:
     """The zones of a document on the grid of an object model, as `read_parts` takes it.
 
+    Args:
+        document: see `read_parts`.
+        grid: targets of the object model, which tell the wall's radius where the document does not.
+
     Raises:
-        InputError: See `read_parts`.
+        InputError: See `read_parts`; or there is no radius.
     """
     whole = 0, int(grid.row.max())
-    return tuple(Zone.of_rows(*(rows or whole), grid.u_pitch_mm, one) for rows, one in read_parts(document))
+    return tuple(
+        Zone.of_rows(*(rows or whole), grid.u_pitch_mm, _with_radius(one, grid))
+        for rows, one in read_parts(document)
+    )
+
+
+def _with_radius(material: Material, grid: Grid) -> Material:
+    if not np.isnan(material.radius_mm):
+        return material
+    face_mm = NominalShape.of(grid).radius_mm
+    if not face_mm:
+        raise InputError(
+            "the wall's material lacks radius_mm, and the object model's targets lie on no tube",
+            _DOCUMENT_HINT,
+        )
+    return replace(material, radius_mm=face_mm - material.depth_mm)
 
 
 def read_parts(document: Mapping[str, object]) -> tuple[Part, ...]:
@@ -358,8 +378,10 @@ def _material(
     reading: Reading, entry: Mapping[str, object], where: str, known: Sequence[str]
 ) -> dict[str, object]:
     reading.keys(where, entry, known)
-    values: dict[str, object] = {"law": reading.text(entry, "law", where)}
+    values: dict[str, object] = {"law": reading.text(entry, "law", where) if "law" in entry else LAWS[0]}
+    # The law neo_hookean keeps the volume, so that Poisson's ratio has no choice.
+    optional = (*_OPTIONAL_KEYS, "law", *(("poisson",) if values["law"] == LAWS[0] else ()))
     for name in _KEYS:
-        if name != "law" and not (name in _OPTIONAL_KEYS and name not in entry):
+        if name != "law" and not (name in optional and name not in entry):
             values[name] = reading.number(entry, name, where)
     return values

@@ -10,7 +10,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from grabberd.core.arrays import Array
-from grabberd.core.geometry import Rig
 from grabberd.core.reconstruction import Points
 from grabberd.errors import AnalysisError, InputError
 from grabberd_liner.analysis.grid import Grid, NominalShape
@@ -29,7 +28,7 @@ from grabberd_liner.chain.analysis.agreement import Candidate, Compared, compare
 from grabberd_liner.chain.analysis.inputs import AnalysisInputs, Reference
 from grabberd_liner.chain.analysis.vacuum_inputs import Vacuum, needs_pulsation, read_vacuum
 from grabberd_liner.chain.analysis.wall_series import EmptyLiner, Smoothings, WallSeries, empty_liner
-from grabberd_liner.chain.analysis.wall_state import FieldPoints, Question, WallState
+from grabberd_liner.chain.analysis.wall_state import FieldPoints, Question, SingleViews, WallState
 
 T = TypeVar("T")
 
@@ -125,6 +124,7 @@ def _some(names: Sequence[str]) -> str:
 
 
 Progress = Callable[[int, int], None]
+_BOTH = SingleViews()
 
 
 _NOT_TRACKED = "the object's targets are other points of the wall in every field"
@@ -160,7 +160,7 @@ class Analysis:
         source: source of the vacuum, with the offset of its clock.
         touch: onset of pressure, as an index into `fields`.
         problems: problems that did not end the analysis, as sentences.
-        numbers: (F,) numbers of all fields of the capture that have points.
+        numbers: (F,) numbers of all fields of the capture that have points; `time_s`: (F,) their times.
         reference: reference state of the strain, as in `Question`.
         empty: what a ramp with the empty liner says; None for a capture with a teat.
         compared: the pressure beside another method's; None without one.
@@ -180,6 +180,7 @@ class Analysis:
     touch: Touch | None
     problems: tuple[str, ...]
     numbers: NDArray[np.int64]
+    time_s: Array
     reference: Surface | Jets | None
     empty: EmptyLiner | None = None
     compared: Compared | None = None
@@ -190,7 +191,7 @@ def analyse(
     grid: Grid,
     inputs: AnalysisInputs,
     progress: Progress | None = None,
-    rig: Rig | None = None,
+    views: SingleViews = _BOTH,
     light: FoundLight | None = None,
     *,
     pulsating: bool = False,
@@ -203,7 +204,7 @@ def analyse(
         grid: target grid of the object model.
         inputs: inputs besides the points.
         progress: called with the number of finished states and the total.
-        rig: whose views saw the points; None if targets that one view alone sees are of no use.
+        views: what tells of targets that one view alone sees.
         light: that relates the clocks of camera and logger, for `vacuum.offset: light`.
         pulsating: True to refuse, before the long work, a capture whose wall does not pulsate.
         reference: points of the reference state, where that is another capture.
@@ -217,7 +218,7 @@ def analyse(
         raise AnalysisError(
             "the capture has no points", "measure it first; its fields have to show the object"
         )
-    work = _Work(captures, grid, inputs, progress or (lambda done, of: None), rig, light, reference)
+    work = _Work(captures, grid, inputs, progress or (lambda done, of: None), views, light, reference)
     return work.whole(pulsating=pulsating)
 
 
@@ -230,11 +231,11 @@ class _Work:
         grid: Grid,
         inputs: AnalysisInputs,
         progress: Progress,
-        rig: Rig | None,
+        views: SingleViews,
         light: FoundLight | None,
         open_liner: Points | None,
     ) -> None:
-        self._grid, self._inputs, self._progress, self._rig = grid, inputs, progress, rig
+        self._grid, self._inputs, self._progress, self._views = grid, inputs, progress, views
         self._light, self._open_liner = light, open_liner
         self._timed = [[field.timed for field in capture] for capture in captures]
         self._fields = tuple(captures[0])
@@ -262,27 +263,30 @@ class _Work:
         if homologous:
             self._reference_state = self._existing(self._inputs.reference, average)
         vacuum = self._vacuum(pulsation) if homologous else None
-        fields_points = [timed.points for timed in self._timed[0]]
-        smoothings = Smoothings.of(self._grid, fields_points) if homologous else None
+        empty = self._empty(vacuum)
+        chosen = list(empty.shown) if empty else list(range(len(self._fields)))
+        points = [self._fields[k].timed.points for k in chosen]
+        smoothings = Smoothings.of(self._grid, points) if homologous else None
         question = self._question(smoothings, average)
         model = self._pressure(average) if vacuum and not self._inputs.empty else None
-        of_fields = vacuum.at(self._time_s) if vacuum else []
+        time_s = self._time_s[chosen]
+        of_fields = vacuum.at(time_s) if vacuum else []
         of_phases = self._of_phases(vacuum, average, pulsation)
         speeds = [
-            movements[0].speed_mm_per_s(self._time_s) if movements else np.zeros(len(self._fields)),
+            movements[0].speed_mm_per_s(time_s) if movements else np.zeros(len(chosen)),
             pulsation.speed_mm_per_s(average.phase) if pulsation and average else np.empty(0),
         ]
         series = WallSeries(question, smoothings, model, self._problems.note, self._progress)
-        fields, phases = self._states(series, average, [of_fields, of_phases], speeds)
+        names = [f"field {self._fields[k].n}" for k in chosen]
+        fields, phases = self._states(series, (points, names), average, [of_fields, of_phases], speeds)
         if not fields:
             raise AnalysisError(
                 f"none of {len(self._fields)} fields has a surface: {self._problems.most_frequent}",
                 "look at the capture's points: are they of this object model?",
             )
         states = tuple(state for _, state in fields)
-        empty = self._empty(vacuum, fields_points)
         found = [
-            Candidate("field", self._fields[k].n, fields_points[k], of_fields[k], state.pressure)
+            Candidate("field", self._fields[chosen[k]].n, points[k], of_fields[k], state.pressure)
             for k, state in fields
             if of_fields
         ] + [
@@ -294,7 +298,7 @@ class _Work:
         return Analysis(
             grid=self._grid,
             inputs=self._inputs,
-            fields=tuple(self._fields[k] for k, _ in fields),
+            fields=tuple(self._fields[chosen[k]] for k, _ in fields),
             movement=movements[0] if movements else None,
             cycle=self._cycle(movements, pulsation, average, vacuum),
             states=states,
@@ -306,6 +310,7 @@ class _Work:
             touch=self._touch(states),
             problems=self._problems.all(),
             numbers=np.array([field.n for field in self._fields], np.int64),
+            time_s=self._time_s,
             reference=question.reference,
             empty=empty,
             compared=comparison,
@@ -323,6 +328,7 @@ class _Work:
     def _states(
         self,
         series: WallSeries,
+        of_fields: tuple[Sequence[Points], Sequence[str]],
         average: PhaseAverage | None,
         vacuums: Sequence[Sequence[ChamberVacuum]],
         speeds_mm_per_s: Sequence[Array],
@@ -331,16 +337,17 @@ class _Work:
 
         Args:
             series: recipe for the states.
+            of_fields: points of the fields, and their names.
             average: the mean cycle.
             vacuums: at each field and at each phase; empty if unknown.
             speeds_mm_per_s: (F,) and (P,) of the target that moves fastest.
         """
-        count, averaged = len(self._fields), list(average.points) if average else []
-        names = [f"field {field.n}" for field in self._fields]
+        points, averaged = of_fields[0], list(average.points) if average else []
+        count, names = len(points), list(of_fields[1])
         names += [f"phase {phase:g}" for phase in average.phase] if average else []
         # Phases pass through the same states of the wall as fields, so both are sought together.
         found = series.states(
-            [*(timed.points for timed in self._timed[0]), *averaged],
+            [*points, *averaged],
             names,
             _each(vacuums[0], count) + _each(vacuums[1], len(averaged)),
             np.concatenate(speeds_mm_per_s),
@@ -356,23 +363,36 @@ class _Work:
                 "found; give vacuum.offset, or start_s of the pulsator, instead"
             )
             return None
-        vacuum = read_vacuum(self._inputs.vacuum, pulsation, self._time_s, self._light, self._inputs.channels)
+        try:
+            vacuum = read_vacuum(
+                self._inputs.vacuum, pulsation, self._time_s, self._light, self._inputs.channels
+            )
+            if vacuum and self._inputs.taken:
+                vacuum.at(self._time_s)
+        except InputError as error:
+            # Nobody asked for these channels, so that they cannot cost the shape.
+            if not self._inputs.taken:
+                raise
+            self._problems.add(f"no pressure: {error.message}")
+            return None
         for remark in vacuum.remarks if vacuum else ():
             self._problems.add(remark)
         if vacuum and pulsation and vacuum.is_curve and vacuum.phases is None:
             self._problems.add("the vacuum's curve holds no whole cycle, so it has no ISO phases")
         return vacuum
 
-    def _empty(self, vacuum: Vacuum | None, points: Sequence[Points]) -> EmptyLiner | None:
+    def _empty(self, vacuum: Vacuum | None) -> EmptyLiner | None:
         """Result of a ramp; None, with a problem, if there is none."""
         inputs = self._inputs
         if not inputs.empty or inputs.reference is None or not inputs.zones or vacuum is None:
             return None
-        reference = (
-            None if inputs.reference.kind == "nominal" else self._reference_points(inputs.reference, None)
-        )
-        of_fields = vacuum.at(self._time_s)
-        return empty_liner(self._grid, inputs, reference, points, of_fields, self._rig, self._problems.add)
+        stated, reference = inputs.reference, None
+        if stated.kind != "nominal":
+            reference = self._reference_points(stated, None)
+            if stated.kind == "field":
+                (reference,) = self._views.points([one for one in self._fields if one.n == stated.value])
+        given = inputs, reference, self._fields, vacuum.at(self._time_s), self._views
+        return empty_liner(self._grid, *given, self._problems.add)
 
     def _of_phases(
         self, vacuum: Vacuum | None, average: PhaseAverage | None, pulsation: Pulsation | None
@@ -410,14 +430,14 @@ class _Work:
     def _pressure(self, average: PhaseAverage | None) -> PressureModel | None:
         """Model of the pressure maps; None if one of its inputs is missing."""
         inputs, grid, reference = self._inputs, self._grid, self._reference_state
-        if reference is None or not inputs.zones or inputs.sought_kpa is None:
+        if reference is None or not inputs.zones:
             return None
         if inputs.zones[0].material.ends_mm is None or "pulsation" not in inputs.vacuum:
             return None
         points = None if reference.kind == "nominal" else self._reference_points(reference, average)
         sought_kpa, unseen = inputs.sought_kpa, inputs.unseen
         return self._problems.survived(
-            lambda: PressureModel(grid, inputs.zones, points, sought_kpa, unseen, self._rig)
+            lambda: PressureModel(grid, inputs.zones, points, sought_kpa, unseen, self._views.rig)
         )
 
     def _existing(self, reference: Reference | None, average: PhaseAverage | None) -> Reference | None:

@@ -1,11 +1,14 @@
-"""Inputs of an analysis besides the points; none of them is ever assumed (paper 3.8).
+"""Inputs of an analysis besides the points (paper 3.8).
+
+None that describes the liner is ever assumed; vacuum that was recorded with the capture is taken from there.
 
 reference: nominal                      or {field: 12}, or {phase: 0.4}: reference state of strain; a guided
                                         test also {capture: ID}, the mean of another one, of the still liner
 material: {E_mpa: 3, wall_mm: 2.5, …}   or {zones: [{rows: [0, 8], E_mpa: …}, …]}
 vacuum:
   pulsation: {kpa: 0, sigma_kpa: 0.5}   or {rate_per_min: 60, ratio: 0.6, …}, or log, or channel
-  liner: {kpa: 42, sigma_kpa: 0.5}      or log, or channel: recorded with the capture itself
+  liner: {kpa: 42, sigma_kpa: 0.5}      or log, or channel: recorded with the capture itself; {channel: NAME}
+                                        where it has several that could be it
   log: "time_s,pulsation_vacuum_kpa…"   the text of a logger's file
   offset: {s: 12.3, sigma_s: 0.005}     the camera's time less the logger's, or light: both have seen it; with
                                         channels a correction of their clock, or light: one of them
@@ -15,7 +18,7 @@ teat: none                              the liner is empty: a ramp of the vacuum
 plane: symmetry                         or {point_mm: [0, 0, -9], normal: [0, 0, 1]}: origin of widths
 heights_mm: [-30, 0, 30]
 phases: 24                              number of states of the mean cycle
-sought_kpa: 1                           smallest pressure that the map has to resolve
+sought_kpa: 1                           smallest pressure that the map has to resolve; by default 2
 unseen: free                            or mirrored: the half of the wall that no camera sees
 flow_stop: {kpa: 9, sigma_kpa: 1}       contact pressure at the teat's end at which milk just stops flowing
 milk_flow: high                         or low: what the capture's own channel flow reads while milk flows
@@ -23,7 +26,7 @@ agreement: {table: "…", state: greatest, …}   pressures by another method; s
 average: 10                             fields of a still wall that become one, their mean; n counts the means
 """
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
@@ -63,6 +66,9 @@ FLOW = "flow"
 """Channel of a sensor of flow, light or conductivity in the short milk tube."""
 FLOWING = ("high", "low")
 """What it may read while milk flows."""
+SOUGHT_KPA = 2.0
+"""Default of `sought_kpa`: the map's own error at a place, on solved walls. A lesser pressure could not be
+told from none; the overpressures that are usual are four times as great."""
 _VACUUM_KEYS = (*CHAMBERS, "log", "offset", "lag", "gauge_sigma_kpa")
 _LEAST_READINGS = 10
 BY_LIGHT = "light"
@@ -107,7 +113,7 @@ class AnalysisInputs:
         plane: origin of widths; None: no widths unless the targets go all the way round.
         heights_mm: heights of the sections, x in the object's frame.
         phases: number of states of the mean cycle.
-        sought_kpa: smallest pressure that the map has to resolve; None: no pressure.
+        sought_kpa: smallest pressure that the map has to resolve.
         unseen: what the pressure takes for the unseen half of the wall, as in `PressureModel`.
         empty: True if the capture is a ramp with the empty liner: its own values in place of pressures.
         homologous: as in the grid; if False, reference and material have no use.
@@ -117,7 +123,8 @@ class AnalysisInputs:
         channels: what was recorded with the capture itself, by name.
         other_method: that the pressure is compared with; None: there is none.
         average: number of fields that become one, their mean; 1 leaves them as they are.
-        unmet: what profiles were asked for and could not give, in sentences.
+        unmet: what profiles and recorded channels could not give, in sentences.
+        taken: chambers whose recorded channel was taken without being asked for.
     """
 
     given: Mapping[str, Any]
@@ -127,7 +134,7 @@ class AnalysisInputs:
     plane: Plane | None
     heights_mm: tuple[float, ...]
     phases: int
-    sought_kpa: float | None
+    sought_kpa: float = SOUGHT_KPA
     unseen: str = "free"
     empty: bool = False
     homologous: bool = True
@@ -137,10 +144,32 @@ class AnalysisInputs:
     other_method: OtherMethod | None = None
     average: int = 1
     unmet: tuple[str, ...] = ()
+    taken: frozenset[str] = frozenset()
+
+    @property
+    def assumed(self) -> dict[str, str]:
+        """Defaults of inputs that were not given, by their names, with where each comes from."""
+        if not self.zones:
+            return {}
+        stated, material = self.given.get("material"), self.zones[0].material
+        given = {*self.given, *(f"material.{key}" for key in stated or ())}
+        defaults = {
+            "material.radius_mm": f"{material.radius_mm:.4g} mm, from the object model",
+            "material.law": f"{material.law}, as the equilibrium has it",
+            "material.poisson": f"{material.poisson:g}: the law {material.law} keeps the volume",
+        }
+        if not self.empty:
+            defaults["sought_kpa"] = f"{self.sought_kpa:g} kPa by default, the map's own error at a place"
+        whole = isinstance(stated, Mapping) and "zones" not in stated
+        return {
+            name: said
+            for name, said in defaults.items()
+            if name not in given and (whole or not name.startswith("material"))
+        }
 
     @property
     def lacks(self) -> tuple[str, ...]:
-        """Missing inputs, each with the results that need it, after what the profiles could not give."""
+        """Missing inputs, each with the results that need it, after what could not be taken by itself."""
         return self.unmet + self._missing
 
     @property
@@ -163,8 +192,11 @@ class AnalysisInputs:
             ),
             ("pulsation" not in self.vacuum, "vacuum.pulsation: without it no pressure"),
             ("liner" not in self.vacuum, "vacuum.liner: without it no pressure"),
-            (self.sought_kpa is None and not self.empty, "sought_kpa: without it no pressure"),
             plane,
+            (
+                self.flow_stop_kpa is None and not self.empty,
+                "flow_stop: without it no overpressure",
+            ),
         )
         return tuple(text for lacks, text in missing if lacks)
 
@@ -178,7 +210,7 @@ class _Stated(NamedTuple):
     plane: Plane | str | None
     heights_mm: tuple[float, ...] | None
     phases: int
-    sought_kpa: float | None
+    sought_kpa: float
     unseen: str
     flow_stop_kpa: Estimate | None
     milk_flow: str | None
@@ -240,7 +272,7 @@ def _stated(reading: Reading, document: Mapping[str, Any]) -> _Stated:
     phases = reading.integer(document, "phases", least=2) if "phases" in document else DEFAULT_PHASES
     if phases > MOST_PHASES:
         reading.refuse("phases", phases, f"at most {MOST_PHASES}")
-    sought = reading.number(document, "sought_kpa", positive=True) if "sought_kpa" in document else None
+    sought = reading.number(document, "sought_kpa", positive=True) if "sought_kpa" in document else SOUGHT_KPA
     unseen = reading.text(document, "unseen") if "unseen" in document else UNSEEN[0]
     if unseen not in UNSEEN:
         reading.refuse("unseen", unseen, " or ".join(UNSEEN))
@@ -301,6 +333,7 @@ def _vacuum(reading: Reading, value: object) -> Mapping[str, Any]:
         reading.refuse("vacuum", value, f"a mapping of {', '.join(_VACUUM_KEYS)}")
         return {}
     reading.keys("vacuum.", value, _VACUUM_KEYS)
+    value = {key: CHANNEL if is_channel(one) else one for key, one in value.items()}
     recorded = CHANNEL in (value.get("pulsation"), value.get("liner"))
     if value.get("offset") == BY_LIGHT and "log" not in value and not recorded:
         reading.problems.append(
@@ -309,6 +342,43 @@ def _vacuum(reading: Reading, value: object) -> Mapping[str, Any]:
     if "offset" in value and "lag" in value:
         reading.problems.append("vacuum: offset and lag are both given; give one of them")
     return value
+
+
+def is_channel(value: object) -> bool:
+    """True for a vacuum that was recorded with the capture: `channel`, or {channel: NAME}."""
+    return value == CHANNEL or (isinstance(value, Mapping) and set(value) == {CHANNEL})
+
+
+def channel_of(chamber: str, value: object, recorded: Sequence[str]) -> str:
+    """Name of the channel that an input of a chamber means.
+
+    Args:
+        chamber: The chamber.
+        value: The input, for which `is_channel` is true.
+        recorded: Names of the capture's channels that measure that chamber's vacuum.
+
+    Raises:
+        InputError: There is none, or none of that name, or several could be meant.
+    """
+    known = " and ".join(recorded) or "none"
+    if not isinstance(value, Mapping) and len(recorded) > 1:
+        raise InputError(f"vacuum.{chamber}: {unclear(chamber, recorded)}", "name the right one")
+    name = value[CHANNEL] if isinstance(value, Mapping) else "".join(recorded)
+    if name not in recorded:
+        said = f" {name}" if name else ""
+        raise InputError(
+            f"vacuum.{chamber} is to come from the capture's own channel{said}, and it has none",
+            f"its channels of it: {known}; name one of them, or give the vacuum as a log or a constant",
+        )
+    return str(name)
+
+
+def unclear(chamber: str, recorded: Sequence[str]) -> str:
+    """Sentence for a chamber of which several channels could be the vacuum."""
+    return (
+        f"the channels {' and '.join(recorded)} of this capture could each be it; name the right one, as in "
+        f"vacuum: {{{chamber}: {{channel: {recorded[0]}}}}}"
+    )
 
 
 def _flow_stop(reading: Reading, value: object) -> Estimate | None:

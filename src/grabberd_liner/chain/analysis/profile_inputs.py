@@ -6,7 +6,7 @@ Checks tell all problems, not the first alone.
 """
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field, fields, replace
 from typing import Any, NamedTuple
 
 from grabberd.core.geometry.document_reader import is_number
@@ -14,7 +14,16 @@ from grabberd.errors import GrabberdError, InputError
 from grabberd_liner.analysis.grid import Grid, NominalShape
 from grabberd_liner.analysis.vacuum.vacuum_log import read_vacuum_log
 from grabberd_liner.analysis.wall.material import Material, read_parts, read_zones
-from grabberd_liner.chain.analysis.inputs import BY_LIGHT, CHAMBERS, CHANNEL, FLOW, input_problems
+from grabberd_liner.chain.analysis.inputs import (
+    BY_LIGHT,
+    CHAMBERS,
+    CHANNEL,
+    FLOW,
+    channel_of,
+    input_problems,
+    is_channel,
+    unclear,
+)
 from grabberd_liner.chain.analysis.vacuum_inputs import read_constant, read_lag, read_offset, read_wave
 
 CHOICES = ("reference", "plane", "heights_mm", "phases", "sought_kpa", "unseen")
@@ -78,8 +87,9 @@ def _of_material(material: Mapping[str, Any], obtained: Mapping[str, Any]) -> It
         yield error.message
     for where, entry in _entries(material):
         yield from _lacking_sigmas(where, entry, _SIGMAS)
+    stated = {key for _, entry in _entries(material) for key in entry} - {"zones"}
     for key in OBTAINED:
-        if key not in obtained:
+        if key in stated and key not in obtained:
             yield f"obtained.{key}: is missing, expected how it was obtained: data sheet, calliper, ramp, …"
 
 
@@ -149,13 +159,13 @@ class Subject(NamedTuple):
         device: Name of the device that recorded it.
         object_model: Name of the object model that it was measured with.
         grid: Grid of that object model.
-        recorded: Quantities that were recorded with it, such as `pulsation`, `liner` and `flow`.
+        recorded: Names of the channels that were recorded with it, by the quantity that they measure.
     """
 
     device: str | None
     object_model: str | None
     grid: Grid
-    recorded: frozenset[str] = frozenset()
+    recorded: Mapping[str, Sequence[str]] = {}
 
 
 @dataclass(slots=True)
@@ -166,13 +176,15 @@ class ResolvedInputs:
         inputs: The inputs, as `read_inputs` takes them.
         sources: Profile of each input that comes from one, by the input's name, such as `vacuum.liner`.
         used: Profiles that any of them comes from.
-        lacks: Profiles and parts of them that were looked for and are not there, in sentences.
+        lacks: Profiles, parts of them and channels that could not be taken, in sentences.
+        taken: Chambers whose recorded channel was taken.
     """
 
     inputs: dict[str, Any]
     sources: dict[str, str] = field(default_factory=dict)
     used: list[Profile] = field(default_factory=list)
     lacks: list[str] = field(default_factory=list)
+    taken: set[str] = field(default_factory=set)
 
     @property
     def vacuum(self) -> dict[str, Any]:
@@ -200,6 +212,13 @@ class ResolvedInputs:
         return True
 
 
+def with_recorded(given: Mapping[str, Any], subject: Subject) -> ResolvedInputs:
+    """The inputs that are given, completed by the vacuum that was recorded with the capture."""
+    resolved = ResolvedInputs(dict(given))
+    _take_recorded(resolved, subject.recorded)
+    return resolved
+
+
 def resolve(
     labels: Mapping[str, str], profiles: Sequence[Profile], given: Mapping[str, Any], subject: Subject
 ) -> ResolvedInputs:
@@ -220,15 +239,18 @@ def resolve(
     found = {one.kind: one for one in profiles if labels.get(one.kind) == one.name}
     resolved = ResolvedInputs(dict(given), lacks=list(_not_found(labels, found)))
     problems: list[str] = []
-    _take_recorded(resolved, subject.recorded)
+    undecided = _take_recorded(resolved, subject.recorded)
     if liner := found.get("liner"):
         _take_liner(resolved, liner, subject, problems)
     if pulsator := found.get("pulsator"):
+        known = {key: value for key, value in pulsator.content.items() if key not in undecided}
+        pulsator = replace(pulsator, content=known)
         _take_known(resolved, pulsator, {"vacuum.liner": "liner"})
     _take_pulsation(resolved, pulsator, liner)
     if cup := found.get("cup"):
         problems += _of_another_cup(cup, subject)
-        if CHANNEL not in resolved.vacuum.values():  # a channel has its own gauge, and its calibration
+        # A channel has its own gauge, and its calibration.
+        if not any(map(is_channel, resolved.vacuum.values())):
             _take_known(resolved, cup, {"vacuum.gauge_sigma_kpa": "gauge_sigma_kpa"})
         if FLOW in subject.recorded:
             _take_known(resolved, cup, {"milk_flow": "milk_flow"})
@@ -247,14 +269,25 @@ def _not_found(labels: Mapping[str, str], found: Mapping[str, Profile]) -> Itera
             yield f"{kind} profile: none in use is called {labels[kind]!r}, as the label {kind} says"
 
 
-def _take_recorded(resolved: ResolvedInputs, recorded: frozenset[str]) -> None:
-    """Takes the capture's own channels for the chambers of which nothing is given, where there is no log."""
+def _take_recorded(resolved: ResolvedInputs, recorded: Mapping[str, Sequence[str]]) -> set[str]:
+    """Takes the capture's own channels for the chambers of which nothing is given, where there is no log.
+
+    Returns:
+        Chambers that several channels could be of: none of them is taken.
+    """
     vacuum = resolved.vacuum
-    if "log" in vacuum:
-        return
-    channels = {name: CHANNEL for name in CHAMBERS if name in recorded and name not in vacuum}
-    if channels:
-        resolved.inputs["vacuum"] = {**vacuum, **channels}
+    if {"log", "lag"} & vacuum.keys() or not isinstance(resolved.inputs.get("vacuum", {}), Mapping):
+        return set()
+    open_ones = {name for name in CHAMBERS if recorded.get(name) and name not in vacuum}
+    undecided = {name for name in open_ones if len(recorded[name]) > 1}
+    resolved.lacks += [
+        f"vacuum.{name} channel: {unclear(name, recorded[name])}" for name in sorted(undecided)
+    ]
+    resolved.taken |= open_ones - undecided
+    if resolved.taken:
+        taken = {name: CHANNEL for name in CHAMBERS if name in resolved.taken}
+        resolved.inputs["vacuum"] = {**vacuum, **taken}
+    return undecided
 
 
 def _take_known(resolved: ResolvedInputs, profile: Profile, keys: Mapping[str, str]) -> None:
@@ -328,13 +361,13 @@ def _of_another_cup(cup: Profile, subject: Subject) -> Iterator[str]:
 _LOG = "log"
 
 
-def check_inputs(document: Mapping[str, Any], grid: Grid, recorded: frozenset[str]) -> list[str]:
+def check_inputs(document: Mapping[str, Any], grid: Grid, recorded: Mapping[str, Sequence[str]]) -> list[str]:
     """Problems of inputs in sentences; empty if an analysis can begin with them.
 
     Args:
         document: The inputs, completed.
         grid: Grid of the object model.
-        recorded: Chambers whose vacuum was recorded with the capture.
+        recorded: Names of the channels that were recorded with the capture, by quantity.
     """
     problems = input_problems(document)
     material, vacuum = document.get("material"), document.get("vacuum")
@@ -345,7 +378,7 @@ def check_inputs(document: Mapping[str, Any], grid: Grid, recorded: frozenset[st
     return problems
 
 
-def _of_vacuum(vacuum: Mapping[str, Any], recorded: frozenset[str]) -> Iterator[str]:
+def _of_vacuum(vacuum: Mapping[str, Any], recorded: Mapping[str, Sequence[str]]) -> Iterator[str]:
     for name in CHAMBERS:
         if name in vacuum:
             yield from _of_chamber(name, vacuum[name], vacuum, recorded)
@@ -358,11 +391,10 @@ def _of_vacuum(vacuum: Mapping[str, Any], recorded: frozenset[str]) -> Iterator[
 
 
 def _of_chamber(
-    name: str, value: object, vacuum: Mapping[str, Any], recorded: frozenset[str]
+    name: str, value: object, vacuum: Mapping[str, Any], recorded: Mapping[str, Sequence[str]]
 ) -> Iterator[str]:
-    if value == CHANNEL:
-        if name not in recorded:
-            yield f"vacuum.{name}: is to come from the capture's own channel, and it has none"
+    if is_channel(value):
+        yield from _refusals(lambda: channel_of(name, value, recorded.get(name, ())))
     elif value == _LOG:
         if _LOG not in vacuum:
             yield f"vacuum.{name}: is to come from a logger's file, and there is none"

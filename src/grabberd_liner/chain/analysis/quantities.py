@@ -1,6 +1,6 @@
 """The field's own quantities in an analysis: each with σ, or with the reason why it is missing."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from typing import Any
 
 import numpy as np
@@ -60,17 +60,32 @@ def quantities(analysis: Analysis) -> tuple[Finding, ...]:
     """
     cycle, vacuum = analysis.cycle, analysis.source.phases if analysis.source else None
     wall, reason = cycle.wall if cycle else None, _without_phases(analysis)
+    no_curve = _NO_TEAT if analysis.inputs.empty else NO_CURVE
     return (
         *_of_the_load(analysis),
         *movement_quantities(cycle.pulsation if cycle else None, reason),
         *wall_quantities(wall, reason),
         *laser_quantities(cycle.pulsation if cycle else None, reason),
-        *vacuum_quantities(vacuum, NO_CURVE),
-        *pulsator_limits(vacuum),
+        *vacuum_quantities(vacuum, no_curve),
+        *pulsator_limits(vacuum, no_curve),
         *_lags(analysis),
         *_of_the_ramp(analysis),
         *_overpressure(analysis),
     )
+
+
+def left_out(reasons: Iterable[tuple[str, str]]) -> list[str]:
+    """Quantities without a value, those that lack the same together, in sentences.
+
+    Args:
+        reasons: title of each quantity, and why it has no value; empty if it has one. What only captures of
+            another kind have is not left out of this one.
+    """
+    lacking: dict[str, list[str]] = {}
+    for title, reason in reasons:
+        if reason and reason not in (_NO_RAMP, _NO_TEAT):
+            lacking.setdefault(reason, []).append(title)
+    return [f"{', '.join(titles)}: {reason}" for reason, titles in lacking.items()]
 
 
 def _without_phases(analysis: Analysis) -> str:
@@ -108,7 +123,7 @@ def _of_the_load(analysis: Analysis) -> tuple[Finding, ...]:
     if any(profiles):
         return found.findings
     # That no load is known has a cause, which the inputs may tell.
-    lacks = [text.partition(":")[0] for text in analysis.inputs.lacks if "pressure" in text]
+    lacks = [text.partition(":")[0] for text in analysis.inputs.lacks if " pressure" in text]
     if not lacks:
         return found.findings
     said = f"there is no pressure without {', '.join(dict.fromkeys(lacks))}"

@@ -13,13 +13,12 @@ from typing import Any, NamedTuple, TypeVar
 import numpy as np
 
 from grabberd.core.arrays import Array
-from grabberd.core.geometry import Rig
 from grabberd.core.reconstruction import Points
 from grabberd.errors import AnalysisError
 from grabberd_liner.analysis.estimate import Estimate, Finding
 from grabberd_liner.analysis.grid import Grid
-from grabberd_liner.analysis.load.collapse import Collapse, RampLevel, collapse
-from grabberd_liner.analysis.load.empty_ramp import COLLAPSE, VALUES, LinerValues, liner_values
+from grabberd_liner.analysis.load.collapse import Collapse, RampLevel, collapse, crest_heights
+from grabberd_liner.analysis.load.empty_ramp import COLLAPSE, VALUES, LinerValues, liner_values, used_levels
 from grabberd_liner.analysis.load.pressure import ChamberVacuum, PressureMap, PressureModel, SettledWall
 from grabberd_liner.analysis.load.wall_model import Difference
 from grabberd_liner.analysis.surface.fitting import choose_smoothing, fit_surface, left_out_problems, possible
@@ -30,7 +29,13 @@ from grabberd_liner.analysis.surface.surface import Surface
 from grabberd_liner.analysis.wall.material import Material
 from grabberd_liner.chain.analysis.inputs import CHAMBERS, CHANNEL, AnalysisInputs, missing
 from grabberd_liner.chain.analysis.vacuum_inputs import channel_sigma_kpa, recorded_channel
-from grabberd_liner.chain.analysis.wall_state import Question, WallState, wall_states
+from grabberd_liner.chain.analysis.wall_state import (
+    FieldPoints,
+    Question,
+    SingleViews,
+    WallState,
+    wall_states,
+)
 
 T = TypeVar("T")
 
@@ -39,15 +44,36 @@ _MOST_LEVELS = 400
 _DIGITS = 5
 
 
+_FEW = 9
+"""Fields whose wall is computed where a ramp's own values are not found: as many as give them."""
+
+
+class RampCourse(NamedTuple):
+    """Course of a ramp over its F fields.
+
+    Attributes:
+        difference_kpa: (F,) the pressure difference.
+        height_mm: (F,) of the inner face over the plane of symmetry, in the row whose walls meet first; NaN
+            in fields that were not looked at.
+    """
+
+    difference_kpa: Estimate
+    height_mm: Estimate
+
+
 class EmptyLiner(NamedTuple):
     """Result of a ramp; None for what it does not determine.
 
     Attributes:
+        course: of the ramp.
+        shown: indices of the fields that the values are from, or of a few, whose wall is worth computing.
         values: the liner's own values, with `material`: the given one with these values.
         collapse: pressure differences at which it buckles and at which its walls touch.
         reasons: why there are no values, and why there is no collapse; empty where there are.
     """
 
+    course: RampCourse
+    shown: tuple[int, ...]
     values: LinerValues | None
     material: Material | None
     collapse: Collapse | None
@@ -58,38 +84,52 @@ def empty_liner(
     grid: Grid,
     inputs: AnalysisInputs,
     reference: Points | None,
-    points: Sequence[Points],
+    fields: Sequence[FieldPoints],
     vacuum: Sequence[ChamberVacuum],
-    rig: Rig | None,
+    views: SingleViews,
     note: Callable[[str], None],
 ) -> EmptyLiner:
-    """Evaluates a ramp.
+    """Evaluates a ramp; of all but the few fields that it needs, only the crest's height is looked at.
 
     Args:
         grid: targets of the object model.
         inputs: of the analysis; with material and both vacuums.
         reference: targets of the open liner; None for the object model's.
-        points: of the fields.
+        fields: of the capture.
         vacuum: at each of the fields.
-        rig: whose views saw the points; None if targets that one view alone sees are of no use.
+        views: what tells of targets that one view alone sees.
         note: takes note of a problem: why the data do not determine a result.
 
     Raises:
         InputError: the σ of a logger's zero is missing.
     """
     material, common_kpa = _material(inputs), _common_sigma_kpa(inputs)
-    every = -(-len(points) // _MOST_LEVELS)
-    levels = [
-        RampLevel(one, _difference(at, common_kpa))
-        for one, at in zip(points[::every], vacuum[::every], strict=True)
-        if len(one)
-    ]
-    values, no_values = _tried(lambda: liner_values(grid, material, reference, levels, common_kpa, rig))
+    every = -(-len(fields) // _MOST_LEVELS)
+    looked_at = [k for k in range(0, len(fields), every) if len(fields[k].timed.points)]
+    levels = [RampLevel(fields[k].timed.points, _difference(vacuum[k], common_kpa)) for k in looked_at]
+    used, _ = _tried(lambda: used_levels(grid, material, reference, levels))
+    shown = [looked_at[k] for k in used or np.linspace(0, len(levels) - 1, _FEW).round().astype(int)]
+    if used:
+        for k, one in zip(used, views.points([fields[at] for at in shown]), strict=True):
+            levels[k] = levels[k]._replace(points=one)
+    values, no_values = _tried(lambda: liner_values(grid, material, reference, levels, common_kpa, views.rig))
     found = values.material(material) if values else None
     ends, no_ends = _tried(lambda: collapse(grid, found or material, reference, levels, common_kpa))
     for reason in filter(None, (no_values, no_ends)):
         note(reason)
-    return EmptyLiner(values, found, ends, (no_values, no_ends))
+    heights, _ = _tried(lambda: crest_heights(grid, found or material, reference, levels))
+    course = _course(vacuum, looked_at, heights)
+    return EmptyLiner(course, tuple(sorted(set(shown))), values, found, ends, (no_values, no_ends))
+
+
+def _course(
+    vacuum: Sequence[ChamberVacuum], looked_at: Sequence[int], heights: Estimate | None
+) -> RampCourse:
+    differences = np.array([(one.difference_kpa, one.difference_sigma_kpa) for one in vacuum])
+    height_mm = Estimate(*np.full((2, len(vacuum)), np.nan))
+    if heights is not None:
+        height_mm.value[looked_at], height_mm.sigma[looked_at] = heights
+    return RampCourse(Estimate(*differences.T), height_mm)
 
 
 def _tried(function: Callable[[], T]) -> tuple[T | None, str]:
@@ -102,7 +142,7 @@ def _tried(function: Callable[[], T]) -> tuple[T | None, str]:
 
 def ramp_values(empty: EmptyLiner | None, found: Mapping[str, Finding]) -> dict[str, Any]:
     """Values of the table `ramp` by column name; the quantities among them are given by name."""
-    values, material, *_ = empty or EmptyLiner(None, None, None)
+    values, material = (empty.values, empty.material) if empty else (None, None)
     rows = 0 if empty is None else 1
     quantities = {name: found[name].estimate for name in (*VALUES, *COLLAPSE)}
     return {
@@ -222,6 +262,9 @@ def departure_mm(grid: Grid, points: Points) -> float:
 _BATCH = 8
 """Fields evaluated in one batch; larger batches are no faster."""
 
+_STRETCH_MM = 0.3
+"""Of the wall's departure, within which one linearised model mostly holds."""
+
 Note = Callable[[str, Iterable[str]], None]
 
 
@@ -284,14 +327,17 @@ class WallSeries:
         return sorted(found.items())
 
     def _order(self, points: Sequence[Points]) -> list[int]:
-        """Indices of the points, with a pressure from the open wall to the closed one.
+        """Indices of the points, with a pressure from the open wall to the closed one, stretch by stretch.
 
-        Every load is then sought from a known one near it, which takes a third of the time.
+        Every load is then sought from a known one near it. The middle of a stretch comes first: what is
+        linearised there holds to both its sides.
         """
         if self.pressure is None:
             return list(range(len(points)))
-        departures = [departure_mm(self.question.grid, one) for one in points]
-        return [int(k) for k in np.argsort(departures, kind="stable")]
+        departures = np.array([departure_mm(self.question.grid, one) for one in points])
+        stretch = np.floor(departures / _STRETCH_MM)
+        from_middle = np.abs(departures / _STRETCH_MM - stretch - 0.5)
+        return [int(k) for k in np.lexsort((from_middle, stretch))]
 
     def _wall(
         self,

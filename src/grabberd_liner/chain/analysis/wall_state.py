@@ -2,8 +2,8 @@
 answers: what an analysis asks of every field of a capture.
 """
 
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
 from functools import lru_cache
 from typing import NamedTuple
 
@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from grabberd.core.arrays import Array, Indices, Mask
+from grabberd.core.geometry import Rig
 from grabberd.core.reconstruction import Points, SingleViewImages
 from grabberd.errors import AnalysisError
 from grabberd_liner.analysis.estimate import Estimate
@@ -49,6 +50,26 @@ class FieldPoints(NamedTuple):
 
     n: int
     timed: TimedPoints
+
+
+class SingleViews(NamedTuple):
+    """Sources for targets that one view alone sees.
+
+    Attributes:
+        rig: whose views saw the points; None if such targets are of no use.
+        images: gives their images in some fields, by the field's number, where the points lack them; or None.
+    """
+
+    rig: Rig | None = None
+    images: Callable[[Sequence[int]], Mapping[int, SingleViewImages]] | None = None
+
+    def points(self, fields: Sequence[FieldPoints]) -> list[Points]:
+        """Points of some fields, with these images where they are known."""
+        images = self.images([one.n for one in fields]) if self.images else {}
+        return [
+            replace(one.timed.points, single=images[one.n]) if one.n in images else one.timed.points
+            for one in fields
+        ]
 
 
 _SEEN_IN = 0.5
@@ -276,7 +297,8 @@ def _state(
         curvature_per_m=_masked(wall.curvature_per_m, within),
         strain=wall.strain and _masked(wall.strain, within),
         tension_n_per_m=wall.tension_n_per_m and _masked(wall.tension_n_per_m, within),
-        pressure=pressure,
+        # The state has what is of the middle surface, where data support it.
+        pressure=pressure and pressure._replace(middle=None),
         area=surface_area(face),
         sections=found,
         volume_mm3=_volume(face, question, found),

@@ -110,14 +110,9 @@ def _course(one: Evidence) -> Iterator[Check]:
 
 def _difference(one: Evidence) -> tuple[Array, Array, Array] | None:
     """Times of the fields, and the pressure difference at each with its σ."""
-    if one.analysis is None or not one.analysis.vacuum:
+    if one.analysis is None or one.analysis.empty is None:
         return None
-    known = one.analysis.vacuum
-    return (
-        np.array([field.timed.time_s for field in one.analysis.fields]),
-        np.array([at.difference_kpa for at in known]),
-        np.array([at.difference_sigma_kpa for at in known]),
-    )
+    return one.analysis.time_s, *one.analysis.empty.course.difference_kpa
 
 
 def _between(one: Evidence, kpa: Array) -> tuple[float, float]:
@@ -221,26 +216,15 @@ def _curves(one: Evidence) -> Iterator[Curve]:
     course = _difference(one)
     if course is None:
         return
-    distance = _least_distance(one)
-    axes = (("pressure difference", "kPa"), ("distance of the wall from the middle", "mm"))
-    if distance is not None:
-        order = np.argsort(course[1])
-        value, sigma = (np.asarray(part)[order] for part in distance)
-        yield Curve("distance", "wall", axes, LINE, course[1][order], value, sigma)
+    axes = (("pressure difference", "kPa"), ("distance of the wall's inner face from the middle", "mm"))
+    assert one.analysis is not None
+    assert one.analysis.empty is not None
+    value, sigma = one.analysis.empty.course.height_mm
+    order = np.argsort(course[1])
+    order = order[np.isfinite(value[order])]
+    if len(order):
+        yield Curve("distance", "wall", axes, LINE, course[1][order], value[order], sigma[order])
     for name, title in (("buckling_kpa", "CCPD"), ("touch_kpa", "TPPD")):
         if (found := one.quantity(name)) is not None:
             x, sigma = (np.array([float(part)]) for part in found)
             yield Curve(name, title, axes, MARK, x, np.full(1, np.nan), sigma)
-
-
-def _least_distance(one: Evidence) -> Estimate | None:
-    """Distance of the outer face from the plane of symmetry, field by field, where it comes in farthest."""
-    sections = one.tables["sections"]
-    height, value, sigma = (
-        sections.column(name) for name in ("height_mm", "distance_mm", "sigma_distance_mm")
-    )
-    heights = [at for at in np.unique(height) if np.isfinite(value[height == at]).any()]
-    if not heights:
-        return None
-    at = height == min(heights, key=lambda x_mm: float(np.nanmean(value[height == x_mm])))
-    return Estimate(value[at], sigma[at])

@@ -5,6 +5,7 @@ import pytest
 from grabberd.errors import AnalysisError
 from grabberd_liner.analysis.load import pressure
 from grabberd_liner.analysis.load.load_fit import fit_load
+from grabberd_liner.analysis.load.wall_model import USUAL
 from liner.analysis.fitted_liner import FittedLiner
 
 
@@ -19,11 +20,11 @@ def test_a_search_that_fails_nearby_begins_again_from_the_open_wall(case, monkey
     again = FittedLiner("reference-round")
     again.fitted(0.0)
 
-    def across_a_fold(model, sights, difference, start=None):
+    def across_a_fold(model, sights, difference, start=None, mean=USUAL):
         if start is not None and not tried:
             tried.append(start)
             raise AnalysisError("no load explains the sights", "")
-        return fit_load(model, sights, difference, start)
+        return fit_load(model, sights, difference, start, mean)
 
     tried = []
     monkeypatch.setattr(pressure, "fit_load", across_a_fold)

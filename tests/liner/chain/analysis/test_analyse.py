@@ -102,8 +102,8 @@ def test_without_inputs_there_is_the_shape_and_what_lacks_is_said() -> None:
         "material",
         "vacuum.pulsation",
         "vacuum.liner",
-        "sought_kpa",
         "plane",
+        "flow_stop",
     }
 
 

@@ -20,7 +20,7 @@ def grid() -> Grid:
 
 
 def found(grid: Grid, *recorded: str, **inputs: Any) -> list[str]:
-    return check_inputs(inputs, grid, frozenset(recorded))
+    return check_inputs(inputs, grid, {name: (name,) for name in recorded})
 
 
 def test_nothing_is_wrong_with_inputs_that_an_analysis_takes(grid: Grid) -> None:
@@ -28,6 +28,15 @@ def test_nothing_is_wrong_with_inputs_that_an_analysis_takes(grid: Grid) -> None
     assert found(grid, material=dict(MATERIAL), vacuum=vacuum, reference="nominal", plane="symmetry") == []
     recorded = {"pulsation": "channel", "liner": "channel"}
     assert found(grid, "pulsation", "liner", vacuum=recorded) == []
+
+
+def test_a_channel_has_to_be_named_where_several_could_be_meant(grid: Grid) -> None:
+    two = {"pulsation": ("front", "rear")}
+    (said,) = check_inputs({"vacuum": {"pulsation": "channel"}}, grid, two)
+    assert "front and rear" in said
+    assert check_inputs({"vacuum": {"pulsation": {"channel": "rear"}}}, grid, two) == []
+    (said,) = check_inputs({"vacuum": {"pulsation": {"channel": "left"}}}, grid, two)
+    assert "channel left" in said
 
 
 def test_all_of_it_is_said_at_once(grid: Grid) -> None:

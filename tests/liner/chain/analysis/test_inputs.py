@@ -6,6 +6,8 @@ from numpy.testing import assert_allclose
 
 from core.chain.milking import MATERIAL, grid, inputs
 from grabberd.errors import InputError
+from grabberd_liner.analysis.grid import NominalShape
+from grabberd_liner.chain.analysis.inputs import SOUGHT_KPA
 
 
 def refusal(**document):
@@ -14,9 +16,10 @@ def refusal(**document):
     return caught.value.message
 
 
-def test_nothing_is_needed_and_nothing_is_assumed() -> None:
+def test_nothing_is_needed_and_nothing_of_the_liner_is_assumed() -> None:
     read = inputs()
-    assert (read.reference, read.zones, read.plane, read.sought_kpa) == (None, (), None, None)
+    assert (read.reference, read.zones, read.plane, read.sought_kpa) == (None, (), None, SOUGHT_KPA)
+    assert read.assumed == {}
     assert read.unseen == "free"
     assert len(read.lacks) == 6
 
@@ -29,10 +32,22 @@ def test_nothing_lacks_when_all_is_given() -> None:
         vacuum=vacuum,
         plane="symmetry",
         sought_kpa=1,
+        flow_stop={"kpa": 9, "sigma_kpa": 1},
         heights_mm=[5, -5],
     )
     assert read.lacks == ()
+    assert read.assumed == {}
     assert read.heights_mm == (-5.0, 5.0)
+
+
+def test_what_the_equilibrium_does_not_use_need_not_be_given_and_each_default_is_said() -> None:
+    given = {key: value for key, value in MATERIAL.items() if key not in ("law", "poisson", "radius_mm")}
+    read = inputs(material=given)
+    material = read.zones[0].material
+    assert (material.law, material.poisson) == ("neo_hookean", 0.5)
+    assert material.radius_mm + material.depth_mm == pytest.approx(NominalShape.of(grid()).radius_mm)
+    assert set(read.assumed) == {"material.law", "material.poisson", "material.radius_mm", "sought_kpa"}
+    assert read.assumed["material.radius_mm"].endswith("from the object model")
 
 
 def test_without_heights_the_middle_half_of_the_liner_has_three() -> None:
@@ -91,8 +106,8 @@ def test_a_wall_of_no_thickness_or_more_than_the_liner_has_is_refused(wall_mm: f
     assert "wall_mm" in refusal(material={**MATERIAL, "wall_mm": wall_mm})
 
 
-@pytest.mark.parametrize("key", sorted(MATERIAL))
-def test_a_material_that_lacks_a_value_is_refused(key: str) -> None:
+@pytest.mark.parametrize("key", ["E_mpa", "wall_mm", "F0_n", "target_mm"])
+def test_a_material_that_lacks_what_no_default_can_stand_for_is_refused(key: str) -> None:
     assert key in refusal(material={name: value for name, value in MATERIAL.items() if name != key})
 
 

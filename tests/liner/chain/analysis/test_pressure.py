@@ -57,7 +57,6 @@ def test_where_no_place_has_a_pressure_the_field_says_why() -> None:
     [
         ({"material": without_ends()}, "material.first_end_mm"),
         ({"reference": None}, "reference"),
-        ({"sought_kpa": None}, "sought_kpa"),
         ({"vacuum": None}, "vacuum.pulsation"),
     ],
 )

@@ -15,8 +15,15 @@ def test_complete_profiles_have_no_problem(document: dict[str, Any]) -> None:
 
 def test_a_profile_may_say_little_but_not_half_of_a_material() -> None:
     assert quantity_problems({"kind": "liner", "name": "A"}) == []
-    [problem] = quantity_problems(changed(LINER, "material.radius_mm", None))
-    assert "radius_mm: is missing" in problem
+    [problem] = quantity_problems(changed(LINER, "material.wall_mm", None))
+    assert "wall_mm: is missing" in problem
+
+
+def test_a_radius_may_be_left_to_the_object_model_with_how_it_was_obtained() -> None:
+    without = changed(changed(LINER, "material.radius_mm", None), "obtained.radius_mm", None)
+    assert quantity_problems(without) == []
+    [problem] = quantity_problems(changed(LINER, "obtained.radius_mm", None))
+    assert problem.startswith("obtained.radius_mm: is missing")
 
 
 @pytest.mark.parametrize(

@@ -11,7 +11,13 @@ from grabberd.core.reconstruction import ObjectModel
 from grabberd.errors import InputError
 from grabberd_liner.analysis.grid import Grid
 from grabberd_liner.chain.analysis.inputs import read_inputs
-from grabberd_liner.chain.analysis.profile_inputs import Profile, ResolvedInputs, Subject, resolve
+from grabberd_liner.chain.analysis.profile_inputs import (
+    Profile,
+    ResolvedInputs,
+    Subject,
+    resolve,
+    with_recorded,
+)
 from liner.chain.analysis.profiling import ALL, COW, CUP, LAG, LINER, MATERIAL, PULSATOR, SETTINGS, changed
 
 LABELS = {"liner": "A", "pulsator": "north", "cup": "1", "cow": "112", "teat": "front left"}
@@ -27,7 +33,7 @@ def resolved(
     labels: dict[str, str] | None = None,
     recorded: tuple[str, ...] = (),
 ) -> ResolvedInputs:
-    subject = Subject("teatcup", "liner", grid(), frozenset(recorded))
+    subject = Subject("teatcup", "liner", grid(), {name: (name,) for name in recorded})
     return resolve(LABELS if labels is None else labels, profiles(*documents), given or {}, subject)
 
 
@@ -206,6 +212,25 @@ def test_what_was_recorded_with_the_capture_goes_before_what_is_usual() -> None:
     found = resolved(*ALL, recorded=("pulsation", "liner", "mouthpiece"))
     assert found.inputs["vacuum"] == {"pulsation": "channel", "liner": "channel"}
     assert "pulsator" not in [one.kind for one in found.used]
+
+
+def test_of_two_channels_that_could_be_a_vacuum_none_is_taken_nor_what_is_usual() -> None:
+    subject = Subject("teatcup", "liner", grid(), {"pulsation": ("front", "rear"), "liner": ("liner",)})
+    for found in (resolve(LABELS, profiles(*ALL), {}, subject), with_recorded({}, subject)):
+        assert found.inputs["vacuum"]["liner"] == "channel"
+        assert "pulsation" not in found.inputs["vacuum"]
+        (said,) = found.lacks
+        assert "the channels front and rear of this capture could each be it" in said
+        assert "vacuum: {pulsation: {channel: front}}" in said
+
+
+def test_channels_are_taken_without_profiles_but_not_beside_a_log_or_a_lag() -> None:
+    subject = Subject("teatcup", "liner", grid(), {"pulsation": ("pulsation",)})
+    found = with_recorded({}, subject)
+    assert (found.inputs, found.taken) == ({"vacuum": {"pulsation": "channel"}}, {"pulsation"})
+    for other in ("log", "lag"):
+        given = {"vacuum": {other: {}}}
+        assert with_recorded(given, subject).inputs == given
 
 
 def test_a_chamber_that_was_not_recorded_comes_from_the_pulsator() -> None:

@@ -165,7 +165,7 @@ def test_the_map_s_overpressure_needs_states_that_are_pressed_differently(loaded
 
 def test_compression_is_also_given_above_atmosphere(loaded):
     found, liner_kpa = by_name(loaded), FAKE.ellipse.wave.liner_kpa
-    for name in ("liner_compression_mean", "liner_compression_teat_end", "massage_pressure"):
+    for name in ("liner_compression_mean", "liner_compression_teat_end"):
         above = found[f"{name}_above_atmosphere_kpa"]
         assert above.value == pytest.approx(found[f"{name}_kpa"].value - liner_kpa, abs=0.1)
     table, first = tables(loaded)["phase_profile"], slice(len(X_MM))

@@ -1,15 +1,19 @@
 """The vacuum of an analysis from the capture's own channels: on the fields' clock, with the logger's σ."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from core.chain.milking import FAKE, whole
+from core.chain.milking import FAKE, grid, still, whole
 from drivers.fake.iso_phases import iso_phases_s
 from grabberd.errors import InputError
 from grabberd_fake.vacuum import pulsation_kpa
 from grabberd_liner.analysis.vacuum.light_clock import FoundLight, LightClock
 from grabberd_liner.analysis.vacuum.vacuum import ChannelCurve
+from grabberd_liner.chain.analysis.analyse import analyse
+from grabberd_liner.chain.analysis.inputs import read_inputs
 from grabberd_liner.chain.analysis.vacuum_inputs import read_vacuum
 
 TIME_S = np.arange(100) * 0.02
@@ -101,6 +105,15 @@ def test_a_gap_at_a_field_is_refused_and_not_filled() -> None:
 
 def test_channels_that_end_before_the_fields_are_refused() -> None:
     assert "the recorded channel pulsation covers -0.25 to 1.00 s" in refusal(BOTH, channels(last_s=1.0))
+
+
+def test_a_channel_that_nobody_asked_for_costs_the_pressure_and_not_the_shape() -> None:
+    read = read_inputs({"vacuum": BOTH}, grid(), channels(last_s=0.01))
+    with pytest.raises(InputError, match="covers"):
+        analyse([still(3)], grid(), read)
+    found = analyse([still(3)], grid(), replace(read, taken=frozenset(BOTH)))
+    assert len(found.states) == 3
+    assert any(words.startswith("no pressure: the recorded channel") for words in found.problems)
 
 
 def test_numbers_in_another_unit_are_refused() -> None:

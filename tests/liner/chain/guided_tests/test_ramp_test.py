@@ -6,8 +6,10 @@ import numpy as np
 import pytest
 
 from grabberd_fake.wall_states import buckling_kpa, touch_kpa
+from grabberd_liner.analysis.estimate import Estimate
 from grabberd_liner.analysis.pulsation.movement import TimedPoints
 from grabberd_liner.chain.analysis.tables import tables
+from grabberd_liner.chain.analysis.wall_series import RampCourse
 from grabberd_liner.chain.analysis.wall_state import FieldPoints
 from grabberd_liner.chain.guided_tests.outcome import worst
 from grabberd_liner.chain.guided_tests.ramp_test import ramp_test
@@ -94,15 +96,21 @@ def test_the_distance_is_drawn_over_the_pressure_difference(slow):
     assert distance.y[-1] < 3
 
 
+def with_course(analysis, part, sigma_kpa=0.0):
+    """The analysis of a part of its fields, with that much more σ of the pressure difference."""
+    course = analysis.empty.course
+    kpa, sigma = (values[part] for values in course.difference_kpa)
+    height_mm = Estimate(*(values[part] for values in course.height_mm))
+    changed = RampCourse(Estimate(kpa, sigma + sigma_kpa), height_mm)
+    return replace(analysis, time_s=analysis.time_s[part], empty=analysis.empty._replace(course=changed))
+
+
 def test_a_ramp_that_is_too_fast_fails(slow):
     """The same states, passed in a fiftieth of the time."""
 
-    def sooner(one):
-        return one._replace(timed=one.timed._replace(time_s=one.timed.time_s / 50))
-
     fast = replace(
         slow.analysis,
-        fields=tuple(map(sooner, slow.analysis.fields)),
+        time_s=slow.analysis.time_s / 50,
         movement=slow.analysis.movement._replace(time_s=slow.analysis.movement.time_s / 50),
     )
     found = by_name(ramp_test(slow._replace(analysis=fast)))
@@ -112,19 +120,17 @@ def test_a_ramp_that_is_too_fast_fails(slow):
 
 
 def test_a_ramp_that_begins_with_a_closed_liner_fails(slow):
-    later = replace(slow.analysis, fields=slow.analysis.fields[8:], vacuum=slow.analysis.vacuum[8:])
+    later = with_course(slow.analysis, slice(8, None))
     assert by_name(ramp_test(slow._replace(analysis=later)))["starts_open"].verdict == "failed"
 
 
 def test_few_fields_between_buckling_and_touch_fail(slow):
-    few = replace(slow.analysis, fields=slow.analysis.fields[::5], vacuum=slow.analysis.vacuum[::5])
+    few = with_course(slow.analysis, slice(None, None, 5))
     assert by_name(ramp_test(slow._replace(analysis=few)))["levels_between"].verdict == "failed"
 
 
 def test_a_gauge_that_nobody_calibrated_fails(slow):
-    vague = replace(
-        slow.analysis, vacuum=tuple(one._replace(pulsation_sigma_kpa=0.6) for one in slow.analysis.vacuum)
-    )
+    vague = with_course(slow.analysis, slice(None), sigma_kpa=0.6)
     assert by_name(ramp_test(slow._replace(analysis=vague)))["gauge"].verdict == "failed"
 
 

@@ -30,4 +30,4 @@ export interface AnalysisInputs {
 }
 
 /** Numbers of a course over time, the logger's file, or what was recorded with the capture. */
-export type VacuumSource = "log" | "channel" | Record<string, number>;
+export type VacuumSource = "log" | "channel" | { channel: string } | Record<string, number>;

@@ -4923,7 +4923,7 @@ export interface components {
             material?: components["schemas"]["JsonObject"] | null;
             /**
              * Obtained
-             * @description How each value of the material was obtained, by its key; required for `E_mpa`, `wall_mm`, `radius_mm` and `F0_n`.
+             * @description How each value of the material was obtained, by its key; required for `E_mpa`, `wall_mm`, `F0_n`, and `radius_mm` if it is given.
              */
             obtained?: {
                 [key: string]: string;

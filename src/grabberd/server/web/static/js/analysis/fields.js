@@ -21,7 +21,7 @@ const WAVE = [
 ];
 const MATERIAL = [
   number("E_mpa", "MPa"), number("E_sigma_mpa", "MPa", true), number("wall_mm", "mm"), number("wall_sigma_mm", "mm", true),
-  number("poisson", "0…0.5"), number("F0_n", "N"), number("F0_sigma_n", "N", true), number("radius_mm", "mm"), number("target_mm", "mm"),
+  number("poisson", "0…0.5", true), number("F0_n", "N"), number("F0_sigma_n", "N", true), number("radius_mm", "mm", true), number("target_mm", "mm"),
   number("first_end_mm", "mm", true), number("last_end_mm", "mm", true),
 ];
 

@@ -55,7 +55,7 @@ function chambersOf(context, found) {
 /** @param {Context} context @param {VacuumSource} source */
 function vacuumIn(context, source) {
   const { t } = context;
-  if (typeof source === "string") return t("analysis.known.measured");
+  if (typeof source === "string" || "channel" in source) return t("analysis.known.measured");
   if (!("rate_per_min" in source)) return spreadOf(context, source.kpa, source.sigma_kpa, "kPa");
   const share = Math.round(100 * source.ratio);
   return t("analysis.known.wave", { rate: numberIn(context, source.rate_per_min), on: share, off: 100 - share, kpa: spreadOf(context, source.system_kpa, source.sigma_kpa, "kPa") });

@@ -19,8 +19,8 @@ const WAYS = {
   vacuum_pulsation: () => "#profiles",
   vacuum_liner: () => "#profiles",
   reference: linerOf,
-  sought_kpa: linerOf,
   plane: linerOf,
+  flow_stop: () => "#profiles/cow",
 };
 
 /** @param {Context} context @param {Capture} capture */
