@@ -64,7 +64,7 @@ def test_scripts_are_told_what_was_found_what_lacks_and_where_it_is(analysed: tu
     assert quantities["teat_load_n"]["reason"]
     assert found["lacks"] == [
         "material.first_end_mm, material.last_end_mm: without them no pressure",
-        "flow_stop: without it no overpressure",
+        "flow_stop: without it no overpressure by the map",
     ]
     assert found["taken"] == {}
     assert "2 fields are missing and were not filled in: 2 after field 19" in found["problems"][0]

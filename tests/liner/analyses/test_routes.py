@@ -121,7 +121,7 @@ def test_it_is_listed_with_its_inputs_and_what_was_found(client: TestClient, ana
     assert row["inputs"] == INPUTS
     assert row["lacks"] == [
         "material.first_end_mm, material.last_end_mm: without them no pressure",
-        "flow_stop: without it no overpressure",
+        "flow_stop: without it no overpressure by the map",
     ]
     assert (row["pressure_method"], row["outdated_pressure"]) == ("equilibrium", False)
     assert "1 after field 29" in row["problems"][0]

@@ -1,4 +1,4 @@
-"""The liner's pressure on the teat as a map, and its first touch: where and when the wall begins to press.
+"""The liner's pressure on the teat as a map.
 
 From a field's points to the pressure on the teat, by the wall's equilibrium, state after state of a
 capture.
@@ -11,7 +11,6 @@ length hardly counts. Loads are best sought in the order of the wall's departure
 import re
 from collections import Counter
 from collections.abc import Sequence
-from itertools import pairwise
 from sys import intern
 from typing import NamedTuple
 
@@ -44,8 +43,6 @@ from grabberd_liner.analysis.wall.splines import Basis
 
 _VALUES = re.compile(r" of \S+ kPa| \([^)]*\)")
 """Parts of a reason that differ from target to target."""
-_TOUCHES = 3.0
-"""σ from which on a pressure shows that the wall touches the teat."""
 
 
 class ChamberVacuum(NamedTuple):
@@ -130,35 +127,6 @@ class PressureMap(NamedTuple):
             f"none of {len(self.reason)} places has its pressure determined: {most} ({median})",
             "capture with more bits or a finer target grid, or average over phases",
         )
-
-
-class Touch(NamedTuple):
-    """The first touch: index of the map in a series, and of the target in it."""
-
-    field: int
-    place: int
-
-
-def first_touch(maps: Sequence[PressureMap]) -> Touch:
-    """The first field with a target whose pressure exceeds `_TOUCHES` σ in that field and the next.
-
-    Raises:
-        AnalysisError: there is no such field.
-    """
-    pressed = [_ratio(one) > _TOUCHES for one in maps]
-    lasting = [now & after for now, after in pairwise(pressed)]
-    field = next((at for at, places in enumerate(lasting) if places.any()), None)
-    if field is None:
-        raise AnalysisError(
-            f"in none of {len(maps)} fields, and the next, does a pressure exceed {_TOUCHES:g} times its σ",
-            "name the field of the first touch yourself, or average over phases for a smaller σ",
-        )
-    ratio = np.where(lasting[field], _ratio(maps[field]), -np.inf)
-    return Touch(field, int(np.argmax(ratio)))
-
-
-def _ratio(one: PressureMap) -> Array:
-    return np.where(one.usable, one.contact_kpa.value / one.contact_kpa.sigma, -np.inf)
 
 
 REACH_MM = 0.8

@@ -7,9 +7,6 @@
 
 (ISO 3918, ISO 5707, ISO 6690: 4 kPa under the pulsation chamber's maximum vacuum and 4 kPa over atmosphere.)
 The wall lags behind the vacuum, differently in opening and closing; `defined_by` tells the two kinds apart.
-
-Stroke, rate, ratios, phases and lags of a pulsation: of the wall, and of the chamber's vacuum, whose
-phases are also judged by the limits of ISO 5707.
 """
 
 from collections.abc import Mapping, Sequence

@@ -20,7 +20,7 @@ heights_mm: [-30, 0, 30]
 phases: 24                              number of states of the mean cycle
 sought_kpa: 1                           smallest pressure that the map has to resolve; by default 2
 unseen: free                            or mirrored: the half of the wall that no camera sees
-flow_stop: {kpa: 9, sigma_kpa: 1}       contact pressure at the teat's end at which milk just stops flowing
+flow_stop: {kpa: 40, sigma_kpa: 4}      contact pressure at the teat's end at which milk just stops flowing
 milk_flow: high                         or low: what the capture's own channel flow reads while milk flows
 agreement: {table: "…", state: greatest, …}   pressures by another method; see `read_other_method`
 average: 10                             fields of a still wall that become one, their mean; n counts the means
@@ -68,7 +68,7 @@ FLOWING = ("high", "low")
 """What it may read while milk flows."""
 SOUGHT_KPA = 2.0
 """Default of `sought_kpa`: the map's own error at a place, on solved walls. A lesser pressure could not be
-told from none; the overpressures that are usual are four times as great."""
+told from none."""
 _VACUUM_KEYS = (*CHAMBERS, "log", "offset", "lag", "gauge_sigma_kpa")
 _LEAST_READINGS = 10
 BY_LIGHT = "light"
@@ -195,7 +195,7 @@ class AnalysisInputs:
             plane,
             (
                 self.flow_stop_kpa is None and not self.empty,
-                "flow_stop: without it no overpressure",
+                "flow_stop: without it no overpressure by the map",
             ),
         )
         return tuple(text for lacks, text in missing if lacks)

@@ -5,7 +5,8 @@ import pytest
 
 from grabberd.errors import AnalysisError
 from grabberd_liner.analysis.estimate import Estimate
-from grabberd_liner.analysis.load.pressure import PressureMap, first_touch
+from grabberd_liner.analysis.load.pressure import PressureMap
+from grabberd_liner.analysis.load.touch import first_touch
 
 
 def pressure(value, sigma=0.5, reason=None):

@@ -91,7 +91,7 @@ def test_an_open_liner_is_not_compared_and_the_reason_is_a_problem_too() -> None
     [
         ({}, {"field": 9}, "there is no field 9 with a pressure"),
         ({}, {"phase": 0.4}, "there is no phase 0.4 with a pressure"),
-        ({"sought_kpa": None}, "greatest", "the analysis has no pressure"),
+        ({"reference": None}, "greatest", "the analysis has no pressure"),
     ],
 )
 def test_a_state_without_a_pressure_is_not_compared(inputs, state, why) -> None:

@@ -3,7 +3,7 @@
 import pytest
 
 from grabberd.errors import AnalysisError
-from grabberd_liner.chain.analysis.analyse import Problems
+from grabberd_liner.chain.analysis.problems import Problems
 
 LEFT_OUT = "left out, many σ from the prediction by the other points"
 
