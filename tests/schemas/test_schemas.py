@@ -26,7 +26,7 @@ from grabberd.documents.requests import CertifiedLength
 from grabberd.errors import ConfigError, GrabberdError, InputError, NotFound
 from grabberd.schemas import known_forms, schema_of
 from grabberd_liner.analysis.wall.material import read_parts
-from grabberd_liner.chain.analysis.inputs import input_problems
+from grabberd_liner.chain.analysis.inputs import input_problems, is_channel
 from grabberd_liner.chain.analysis.vacuum_inputs import read_constant, read_lag, read_offset, read_wave
 from grabberd_liner.profiles.documents import ProfileContent
 from schemas.generated import changed, drawn_from
@@ -160,6 +160,10 @@ def read_chamber(chamber: str, value: Any) -> None:
     if not isinstance(value, dict):
         if value not in ("log", "channel"):
             raise InputError(f"vacuum.{chamber} is {value!r}", "")
+    elif is_channel(value):
+        reading = Reading(f"vacuum.{chamber}")
+        reading.text(value, "channel")
+        reading.finish("")
     elif chamber == "pulsation" and "rate_per_min" in value:
         read_wave(value)
     else:
