@@ -209,10 +209,6 @@ class Posterior:
         parameters = before + model.variances(difference) * (response.spread @ pull)
         return cls(gain, mean, parameters, j, weighted)
 
-    def by(self, mean: LoadMean) -> "Posterior":
-        """The load by another prior mean, about the same state."""
-        return Posterior.of(self.gain, mean)
-
     @property
     def response(self) -> Response:
         """The model, linearised."""

@@ -153,7 +153,6 @@ class LoadSeries:
         sights: Sights,
         difference: Difference,
         mean: LoadMean = USUAL,
-        near: Posterior | None = None,
     ) -> Posterior:
         """The load in one state.
 
@@ -161,13 +160,10 @@ class LoadSeries:
             sights: what was seen.
             difference: pressure difference.
             mean: prior mean of the load.
-            near: the load of the same state by another one.
 
         Raises:
             AnalysisError: the wall does not settle.
         """
-        if near is not None and (same := near.by(mean)).longest_mm < REACH_MM:
-            return same
         found = self._near_known(sights, difference, mean)
         if found is None or found.j > MISFIT_ALARM:
             begun = self._begun(sights, difference, mean)
@@ -294,6 +290,8 @@ class PressureModel:
         self._grid, self._sought_kpa = grid, sought_kpa
         self._mounting = Mounting.of(grid, material, reference, rig)
         self._series = self._of(material, unseen == "mirrored")
+        # Each prior mean has states of its own: about a wall that does not press, no load is ever found.
+        self._wide = LoadSeries(self._series.model)
         self._compared = self._of(material, False) if unseen == "mirrored" else None
         self._middle = MiddleSurfaces(self._series.model, material)
         self._lattice = FaceLattice(grid, self._mounting)
@@ -335,11 +333,11 @@ class PressureModel:
         try:
             found = self._series.load(sights, difference)
         except AnalysisError:
-            return self._series.load(sights, difference, WIDE), None, 0.0
+            return self._wide.load(sights, difference, WIDE), None, 0.0
         if not counts:
             return found, None, 0.0
         try:
-            wide = self._series.load(sights, difference, WIDE, near=found)
+            wide = self._wide.load(sights, difference, WIDE)
         except AnalysisError:
             return found, None, 0.0
         share = counts / (1 + _ODDS * float(np.exp((wide.liner_misfit - found.liner_misfit) / 2)))
