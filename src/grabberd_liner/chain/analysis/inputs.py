@@ -18,7 +18,7 @@ teat: none                              the liner is empty: a ramp of the vacuum
 plane: symmetry                         or {point_mm: [0, 0, -9], normal: [0, 0, 1]}: origin of widths
 heights_mm: [-30, 0, 30]
 phases: 24                              number of states of the mean cycle
-sought_kpa: 1                           smallest pressure that the map has to resolve; by default 2
+sought_kpa: 1                           smallest pressure that the map has to resolve; by default 5
 unseen: free                            or mirrored: the half of the wall that no camera sees
 flow_stop: {kpa: 40, sigma_kpa: 4}      contact pressure at the teat's end at which milk just stops flowing
 milk_flow: high                         or low: what the capture's own channel flow reads while milk flows
@@ -66,7 +66,7 @@ FLOW = "flow"
 """Channel of a sensor of flow, light or conductivity in the short milk tube."""
 FLOWING = ("high", "low")
 """What it may read while milk flows."""
-SOUGHT_KPA = 2.0
+SOUGHT_KPA = 5.0
 """Default of `sought_kpa`: the map's own error at a place, on solved walls. A lesser pressure could not be
 told from none."""
 _VACUUM_KEYS = (*CHAMBERS, "log", "offset", "lag", "gauge_sigma_kpa")

@@ -85,7 +85,7 @@ def left_out(reasons: Iterable[tuple[str, str]]) -> list[str]:
     for title, reason in reasons:
         if reason and reason not in (_NO_RAMP, _NO_TEAT):
             lacking.setdefault(reason, []).append(title)
-    return [f"{', '.join(titles)}: {reason}" for reason, titles in lacking.items()]
+    return [f"{'; '.join(titles)}: {reason}" for reason, titles in lacking.items()]
 
 
 def _without_phases(analysis: Analysis) -> str:
