@@ -17,7 +17,7 @@ from tests.proofs.bench.load_walls import HELD_OUT, SEEDS, TUNING, Wall, walls
 from tests.proofs.bench.pressure_case import REFERENCE_MM, SOUGHT_KPA, Figures, Given, paragraph
 
 from grabberd.errors import AnalysisError
-from grabberd_liner.analysis.load.liner_compression import COMPRESSION_SHARE
+from grabberd_liner.analysis.load.liner_compression import AT_END_SHARE, COMPRESSION_SHARE
 from grabberd_liner.analysis.load.load_profile import TEAT_END_MM, LoadProfile
 from grabberd_liner.analysis.load.pressure import PressureMap, PressureModel
 
@@ -120,7 +120,8 @@ def _pairs(
         over = profile.spans_within(from_mm, end_mm)
         weights = over / over.sum()
         found = profile.compression_kpa.summed(weights)
-        sigma = np.hypot(found.sigma, COMPRESSION_SHARE * found.value)
+        share = COMPRESSION_SHARE if name == COMPRESSION else AT_END_SHARE
+        sigma = np.hypot(found.sigma, share * found.value)
         yield name, (np.array([float(found.value) - weights @ compression]), sigma.reshape(1))
     yield from _loads(profile, true, first_mm, end_mm)
 

@@ -20,8 +20,9 @@ from grabberd_liner.analysis.load.load_profile import (
 )
 from grabberd_liner.analysis.pulsation.phases import Phases
 
-COMPRESSION_SHARE = 0.05
-"""Share by which a compression errs beyond its covariance, on walls solved as solids; a load does not."""
+COMPRESSION_SHARE, AT_END_SHARE = 0.05, 0.02
+"""Shares by which a compression errs beyond its covariance, on walls solved as solids: along the teat, where
+its flanks press little, and at its end. A load does not."""
 BEYOND_FLOW_STOP = "teat_end_beyond_flow_stop_kpa"
 _DRAWS, _SEED = 400, 5
 """Of profiles, to find how far the place of a maximum scatters: its σ to 4 %."""
@@ -257,7 +258,7 @@ def _sum(name: str, profile: LoadProfile, weights: Array, chosen: float = 0.0) -
     """
     of_load = QUANTITIES[name].unit.startswith("N")
     found = (profile.load_n_per_mm if of_load else profile.compression_kpa).summed(weights)
-    share = 0.0 if of_load else COMPRESSION_SHARE
+    share = 0.0 if of_load else AT_END_SHARE if name in _OF_THE_END else COMPRESSION_SHARE
     variance = float(found.sigma) ** 2 + float(share * found.value) ** 2
     own = 0.0
     if profile.noise is not None:

@@ -9,6 +9,7 @@ from grabberd_fake.liner_options import LinerOptions
 from grabberd_fake.liner_truth import closed_liner_quantities
 from grabberd_liner.analysis.estimate import Estimate
 from grabberd_liner.analysis.load.liner_compression import (
+    AT_END_SHARE,
     BEYOND_FLOW_STOP,
     COMPRESSION_SHARE,
     QUANTITIES,
@@ -227,7 +228,8 @@ def test_sigma_of_the_mean_is_that_of_errors_that_are_drawn():
         limits_kpa = np.interp([end_mm.value - 10, end_mm.value], X_MM, profile.compression_kpa.value)
         end = 0.0 if name == "liner_compression_mean_kpa" else np.diff(limits_kpa)[0] / 10 * end_mm.sigma
         stop = FLOW_STOP if name == BEYOND_FLOW_STOP else Estimate(0.0, 0.0)
-        model = COMPRESSION_SHARE * (drawn[0][name].value + stop.value)
+        share = COMPRESSION_SHARE if name == "liner_compression_mean_kpa" else AT_END_SHARE
+        model = share * (drawn[0][name].value + stop.value)
         sigma = np.sqrt(drawn[0][name].sigma ** 2 - model**2 - stop.sigma**2 - end**2)
         assert 0.7 < values.var() / sigma**2 < 1.4
 
