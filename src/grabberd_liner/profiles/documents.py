@@ -22,6 +22,7 @@ def _quoted(value: object) -> object:
 ProfileKind = TypeAliasType("ProfileKind", Literal["liner", "pulsator", "cup", "cow"])
 ProfileName = Annotated[str, StringConstraints(pattern=NAME_PATTERN), BeforeValidator(_quoted)]
 Word = Annotated[str, StringConstraints(min_length=1, max_length=200)]
+Flowing = TypeAliasType("Flowing", Literal["high", "low"])
 TeatShape = TypeAliasType("TeatShape", Literal["round", "blunt", "pointed", "funnel", "pocket", "plate"])
 
 _NAME = (
@@ -103,7 +104,7 @@ class CupProfile(_Profile):
     gauge_sigma_kpa: float | None = Field(
         None, gt=0, le=10, allow_inf_nan=False, description="σ of the gauge's zero: `vacuum.gauge_sigma_kpa`."
     )
-    milk_flow: Literal["high", "low"] | None = Field(
+    milk_flow: Flowing | None = Field(
         None, description="What its sensor in the short milk tube reads while milk flows: `milk_flow`."
     )
 

@@ -137,9 +137,10 @@ def test_a_file_that_was_removed_by_hand_is_forgotten(service: Service) -> None:
 
 def test_what_is_in_force_survives_the_loss_of_the_state(service: Service, tmp_path: Path) -> None:
     service.settings.set_threshold(service.instrument(None), ThresholdConfig(kind="fixed", value=77))
-    (tmp_path / "state.sqlite").write_bytes(b"garbage " * 2000)
+    # The backups first: whichever thread finds the state damaged recovers it at once.
     for backup in (tmp_path / "backups").iterdir():
         backup.write_bytes(b"garbage")
+    (tmp_path / "state.sqlite").write_bytes(b"garbage " * 2000)
     service.upkeep.look(STATE_EVERY)
     assert causes(service) == [Cause.SETTINGS_LOST]
     assert service.state_store.get("threshold.simulated") == {"kind": "fixed", "value": 77, "map": False}

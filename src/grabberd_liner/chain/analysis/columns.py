@@ -257,7 +257,7 @@ TABLES: Mapping[str, TableSpec] = {
             _count("places", "places of the other method in the supported part of the map"),
             _count("outside", "its places elsewhere, which were left out"),
             measured("origin_x_mm", "mm", "x of the table's origin in the object's frame"),
-            measured("origin_round_deg", "°", "angle of the table's origin round the teat's axis"),
+            measured("origin_round_deg", "deg", "angle of the table's origin round the teat's axis"),
             text("estimated", "which of the two were estimated, and not given"),
             measured("bias_kpa", "kPa", "mean difference: map less other method"),
             number("bias_low_kpa", "kPa", "lower end of its 95 % confidence interval"),
@@ -287,7 +287,7 @@ TABLES: Mapping[str, TableSpec] = {
         (),
         (
             number("x_mm", "mm", "along the teat's axis: x in the object's frame"),
-            number("round_deg", "°", "round it, from the middle of the targets towards +y"),
+            number("round_deg", "deg", "round it, from the middle of the targets towards +y"),
             measured("map_kpa", "kPa", "the map, averaged over the other method's cell"),
             measured("other_kpa", "kPa", "the other method"),
             measured(

@@ -3868,11 +3868,8 @@ export interface components {
              * @description σ of the gauge's zero: `vacuum.gauge_sigma_kpa`.
              */
             gauge_sigma_kpa?: number | null;
-            /**
-             * Milk Flow
-             * @description What its sensor in the short milk tube reads while milk flows: `milk_flow`.
-             */
-            milk_flow?: ("high" | "low") | null;
+            /** @description What its sensor in the short milk tube reads while milk flows: `milk_flow`. */
+            milk_flow?: components["schemas"]["Flowing"] | null;
         };
         /**
          * Dating
@@ -4335,6 +4332,8 @@ export interface components {
              */
             sigma_kpa: number;
         };
+        /** @enum {string} */
+        Flowing: "high" | "low";
         /**
          * FrameIdentification
          * @description Identification of the calibration frame's targets, by view.
