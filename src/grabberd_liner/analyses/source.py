@@ -299,9 +299,18 @@ def channel_curves(path: Path, inputs: Mapping[str, Any]) -> dict[str, ChannelCu
         return {}
     recorded = recorded_channels(path)
     names = {name: channel_of(name, given[name], recorded.get(name, ())) for name in wanted}
-    names |= {name: channel_of(name, CHANNEL, recorded[name]) for name in flow if name in recorded}
+    names |= {name: _flow_channel(recorded[name]) for name in flow if name in recorded}
     with CaptureReader(path) as reader:
         return {chamber: _curve(chamber, reader.channels.read(name)) for chamber, name in names.items()}
+
+
+def _flow_channel(names: Sequence[str]) -> str:
+    if len(names) > 1:
+        raise InputError(
+            f"milk_flow: the channels {' and '.join(names)} of this capture could each be the flow",
+            "leave milk_flow out; next time, configure one channel of the quantity flow for this teatcup",
+        )
+    return names[0]
 
 
 def _curve(quantity: str, readings: ChannelReadings) -> ChannelCurve:

@@ -3,9 +3,10 @@
 import numpy as np
 import pytest
 
+import archive.readings
 from archive.captures import PERIOD_NS, slots, write
 from archive.readings import SIGMA_NS, STEP_NS, readings, write_with_channels
-from grabberd.core.channels import Dating
+from grabberd.core.channels import Dating, Quantity
 from grabberd.errors import InputError
 from grabberd_liner.analyses.source import channel_curves, recorded_channels
 
@@ -73,3 +74,11 @@ def test_a_channel_may_be_named(tmp_path):
 
 def test_nothing_was_recorded_without_channels(tmp_path):
     assert recorded_channels(write(tmp_path, slots(3))) == {}
+
+
+def test_two_channels_of_milk_flow_are_refused_for_what_they_are(tmp_path, monkeypatch):
+    both = tuple(one._replace(quantity=Quantity.FLOW) for one in archive.readings.CHANNELS)
+    monkeypatch.setattr(archive.readings, "CHANNELS", both)
+    path = write_with_channels(tmp_path, slots(FIELDS))
+    with pytest.raises(InputError, match="milk_flow: the channels pulsation and liner of this capture"):
+        channel_curves(path, {"milk_flow": "high"})

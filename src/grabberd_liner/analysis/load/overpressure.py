@@ -125,9 +125,10 @@ def overpressure_quantities(
 
 def _of_duration(derived: Found) -> Iterator[Finding]:
     quantity = QUANTITIES["flow_duration_s"]
-    if isinstance(derived, str) or derived.duration_s is None:
-        yield Finding.missing(quantity, str(derived))
+    if isinstance(derived, str):
+        yield Finding.missing(quantity, derived)
     else:
+        assert derived.duration_s is not None  # this way has one
         yield Finding.of(quantity, derived.duration_s)
 
 
