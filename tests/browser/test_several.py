@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 import yaml
-from playwright.sync_api import Page, expect
+from playwright.sync_api import APIResponse, Page, Route, expect
 
 from browser.conftest import CHEAP, Open
 from browser.daemons import Daemon
@@ -63,6 +63,22 @@ def test_all_grabbers_are_armed_and_triggered_together(daemon: Daemon, open_page
     expect(page.locator(".last")).to_contain_text("20 fields")  # complete or not: the computer may be busy
     one, other = newest(daemon)
     assert one["group"] == other["group"] is not None
+
+
+def test_start_now_counts_before_the_answer_to_arm_has_come(daemon: Daemon, open_page: Open) -> None:
+    page = open_page(daemon.url).page
+    answers: list[tuple[Route, APIResponse]] = []
+    page.route("**/api/v1/capture-groups", lambda route: answers.append((route, route.fetch())))
+    page.get_by_role("radio", name="Fields").check()
+    page.get_by_label("How many").fill("22")
+    page.get_by_label("Wait for a second press").check()
+    page.get_by_label(TOGETHER).check()
+    page.get_by_role("button", name="Arm").click()
+    is_in_state(page, "armed")
+    page.get_by_role("button", name="Start now").click()
+    expect(page.locator(".last")).to_contain_text("22 fields")
+    ((route, answer),) = answers
+    route.fulfill(response=answer)
 
 
 def test_the_last_capture_is_that_of_the_grabber_that_is_chosen(daemon: Daemon, open_page: Open) -> None:

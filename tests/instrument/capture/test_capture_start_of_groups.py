@@ -1,7 +1,9 @@
 """Captures of several devices begin at the same moment, all of them or none."""
 
 import threading
+from collections.abc import Callable
 from pathlib import Path
+from threading import Thread
 from typing import Any
 
 import pytest
@@ -15,6 +17,7 @@ from grabberd.config import LocationConfig, load_config, shipped_configs
 from grabberd.errors import CaptureRunning, Conflict, GroupRefused, NotFound, NotReady, StorageError
 from grabberd.instrument.acquisition import Ring
 from grabberd.instrument.capture.capture_request import CaptureRequest
+from grabberd.instrument.capture.capture_start import CaptureStart
 from grabberd.instrument.setup import set_up
 from grabberd.server.daemon.service import Service
 
@@ -214,6 +217,42 @@ def test_armed_captures_begin_with_one_trigger(tmp_path: Path) -> None:
         assert len(starts) == 1
         with pytest.raises(Conflict):
             service.capture_control.trigger_group(group_id)
+
+
+def meanwhile(step: str, device: str, act: Callable[[str], None], patch: pytest.MonkeyPatch) -> list[Thread]:
+    """Another request for the group that arrives before a step is performed for one of its devices."""
+    performed = getattr(CaptureStart, step)
+    threads: list[Thread] = []
+
+    def interrupted(one: CaptureStart, *args: object) -> object:
+        if one.device.name == device and one.new.group:
+            threads.append(Thread(target=act, args=(one.new.group.id,), daemon=True))
+            threads[-1].start()
+            threads[-1].join(0.2)  # long enough for it to look at the half-made group
+        return performed(one, *args)
+
+    patch.setattr(CaptureStart, step, interrupted)
+    return threads
+
+
+def test_a_trigger_waits_until_the_whole_group_is_armed(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    with several(tmp_path, TWO) as service:
+        requests = meanwhile("arm", "right", service.capture_control.trigger_group, monkeypatch)
+        service.capture_control.arm_group(both(CaptureRequest(fields=5)))
+        requests[0].join(PATIENCE_S)
+        assert len(sealed_all(service)) == 2
+
+
+def test_a_stop_waits_until_the_whole_group_has_started(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    with several(tmp_path, PACED) as service:
+        requests = meanwhile("begin", "right", service.capture_control.stop_group, monkeypatch)
+        service.capture_control.start_group(both(CaptureRequest()))
+        requests[0].join(PATIENCE_S)
+        assert len(sealed_all(service)) == 2
 
 
 def test_the_trigger_of_one_is_that_of_its_group(tmp_path: Path) -> None:

@@ -107,7 +107,7 @@ class CaptureControl:
         if armed is None:
             self._archive.document(capture_id)
             raise Conflict(f"capture {capture_id} is not armed", "it was triggered or has ended already")
-        self._trigger([armed] if armed.group is None else self._current.armed(armed.group.id))
+        self._trigger([armed] if armed.group is None else self._current.of_group(armed.group.id)[0])
 
     def trigger_group(self, group_id: str) -> None:
         """Starts the armed captures of a group at the same moment.
@@ -116,7 +116,7 @@ class CaptureControl:
             NotFound: There is no such group.
             Conflict, NotReady, CalibrationMismatch, StorageError, GroupRefused: See `capture_start.trigger`.
         """
-        armed = self._current.armed(group_id)
+        armed, _ = self._current.of_group(group_id)
         if not armed:
             self.captures_of(group_id)
             raise Conflict(f"group {group_id} is not armed", "it was triggered or has ended already")
@@ -143,7 +143,7 @@ class CaptureControl:
             NotFound: There is no such group.
             Conflict: None of its captures is running.
         """
-        armed, recordings = self._current.armed(group_id), self._current.recordings(group_id)
+        armed, recordings = self._current.of_group(group_id)
         if not armed and not recordings:
             self.captures_of(group_id)
             raise Conflict(f"no capture of group {group_id} is running", "they have ended already")

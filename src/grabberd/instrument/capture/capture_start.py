@@ -4,7 +4,7 @@ All captures of a group start at the same moment, or none does; a single capture
 """
 
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import ExitStack, contextmanager
+from contextlib import contextmanager
 from dataclasses import asdict, replace
 
 from grabberd import __version__, runtime
@@ -17,7 +17,7 @@ from grabberd.errors import GrabberdError, GroupRefused, InputError, NotReady
 from grabberd.instrument.acquisition import Signal
 from grabberd.instrument.capture.begin import Begin, fields_before
 from grabberd.instrument.capture.capture_request import ArmedCapture, NewCapture
-from grabberd.instrument.capture.device_captures import CurrentCaptures, DeviceCaptures
+from grabberd.instrument.capture.device_captures import CurrentCaptures, DeviceCaptures, locked
 from grabberd.instrument.capture.recorder import Backlog, Recorder
 from grabberd.instrument.capture.recording import LIVE_RUN, Recording
 from grabberd.instrument.channels.feed import ChannelRecording
@@ -247,7 +247,7 @@ def trigger(starts: Sequence[CaptureStart], current: CurrentCaptures) -> None:
         Conflict: One is not armed.
         NotReady, CalibrationMismatch, StorageError, GroupRefused: As `start`; they stay armed.
     """
-    with _locks_of(starts):
+    with locked(one.device for one in starts):
         # Checked again under the locks: another request may have triggered or stopped one meanwhile.
         _each(starts, lambda one: one.device.check_armed(one.new.id))
         _each(starts, CaptureStart.check_streams)
@@ -255,19 +255,9 @@ def trigger(starts: Sequence[CaptureStart], current: CurrentCaptures) -> None:
 
 
 @contextmanager
-def _locks_of(starts: Sequence[CaptureStart]) -> Iterator[None]:
-    """Holds the locks of all devices."""
-    with ExitStack() as stack:
-        # Always in the order of the names: otherwise two groups that share devices could deadlock.
-        for one in sorted(starts, key=lambda one: one.device.name):
-            stack.enter_context(one.device.lock)
-        yield
-
-
-@contextmanager
 def _configured(starts: Sequence[CaptureStart]) -> Iterator[None]:
     """Holds the locks of all devices, with their rings configured and their thresholds held."""
-    with _locks_of(starts):
+    with locked(one.device for one in starts):
         # Before any ring is touched: a running capture's must stay as it is.
         _each(starts, CaptureStart.check_free)
         try:

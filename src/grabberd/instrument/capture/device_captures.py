@@ -1,7 +1,8 @@
 """The captures of one device, and of all devices, and whether more may start."""
 
 from collections import Counter
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, field
 from typing import TypeVar
 
@@ -210,10 +211,30 @@ class CurrentCaptures:
         unsealed = [one for one in found if one is not None and not one.is_sealed]
         return [one for one in unsealed if group_id is None or (one.group and one.group.id == group_id)]
 
+    def of_group(self, group_id: str) -> tuple[list[ArmedCapture], list[Recording]]:
+        """The armed captures of a group, and those that are being recorded or sealed.
+
+        A group that is just being armed, triggered or started is waited for: half of it must not be
+        triggered or stopped alone.
+        """
+        seen = [one.group for one in (*self.armed(group_id), *self.recordings(group_id))]
+        with locked(self.devices[name] for group in seen if group for name in group.devices):
+            return self.armed(group_id), self.recordings(group_id)
+
     @property
     def bytes_per_s(self) -> float:
         """Bytes per second that the running captures write together."""
         return sum(one.bytes_per_s for one in self.devices.values() if one.is_recording)
+
+
+@contextmanager
+def locked(devices: Iterable[DeviceCaptures]) -> Iterator[None]:
+    """Holds the locks of devices."""
+    with ExitStack() as stack:
+        # Always in the order of the names: otherwise two groups that share devices could deadlock.
+        for one in sorted(set(devices), key=lambda one: one.name):
+            stack.enter_context(one.lock)
+        yield
 
 
 def of_device(by_name: Mapping[str, T], name: str | None) -> T:

@@ -41,14 +41,15 @@ export function createStartStop(context, form) {
       if (statusOf(problem)) key = newKey();
       context.refused(problem);
     }
-    setBusy("");
+    endBusy("start");
   }
 
   /** Captures of a group are triggered and stopped together. @param {"stop" | "trigger"} what */
   async function act(what) {
     const { running, armed, group } = situationOf(store.get(), may("operator"));
     const id = running ?? armed;
-    if (!id || (busy && what !== "stop")) return;
+    // The events may show the capture armed before the answer to its request has come.
+    if (!id || (what === "trigger" && busy === what)) return;
     setBusy(what);
     try {
       await (group ? context.api.post(`/capture-groups/${group}/${what}`) : context.api.post(`/captures/${id}/${what}`));
@@ -56,13 +57,18 @@ export function createStartStop(context, form) {
     } catch (problem) {
       context.refused(problem);
     }
-    setBusy("");
+    endBusy(what);
   }
 
   /** @param {string} what */
   function setBusy(what) {
     busy = what;
     show();
+  }
+
+  /** @param {string} what a request that has been answered; a later one may be under way */
+  function endBusy(what) {
+    if (busy === what) setBusy("");
   }
 
   function show() {
