@@ -217,8 +217,9 @@ class CurrentCaptures:
         A group that is just being armed, triggered or started is waited for: half of it must not be
         triggered or stopped alone.
         """
-        seen = [one.group for one in (*self.armed(group_id), *self.recordings(group_id))]
-        with locked(self.devices[name] for group in seen if group for name in group.devices):
+        groups = [one.group for one in self.armed(group_id)]
+        groups += [one.group for one in self.recordings(group_id)]
+        with locked(self.devices[name] for group in groups if group for name in group.devices):
             return self.armed(group_id), self.recordings(group_id)
 
     @property
