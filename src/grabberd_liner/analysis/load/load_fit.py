@@ -36,7 +36,7 @@ _LONGEST_MM = 1.0
 _SLOWING, _SHORTENED = 0.5, 0.6
 """A step longer than half the last one swings about the minimum: it is shortened."""
 NEAR_MM = 0.3
-"""Next step below which the linearised model is the wall: pressures then err by less than .02 σ."""
+"""Next step below which the linearised model is the wall: pressures at places then err by less than .02 σ."""
 _AT_ONCE = 160
 """Quantities whose prior variance is found at once, for memory."""
 MISFIT_ALARM = 2.0
@@ -426,6 +426,7 @@ def fit_load(
     difference: Difference,
     start: State | None = None,
     mean: LoadMean = USUAL,
+    near_mm: float = NEAR_MM,
 ) -> tuple[Posterior, int]:
     """Fits the load, and counts the steps it took.
 
@@ -435,6 +436,7 @@ def fit_load(
         difference: pressure difference.
         start: a state to begin with; by default the open wall.
         mean: prior mean of the load.
+        near_mm: next step below which the linearised model is the wall.
 
     Raises:
         AnalysisError: the wall does not settle.
@@ -443,7 +445,7 @@ def fit_load(
     for step in range(1, STEPS + 1):
         found = posterior(Response.of(model, state), sights, difference, mean)
         longest_mm = found.longest_mm
-        if longest_mm < NEAR_MM:
+        if longest_mm < near_mm:
             return found, step
         share = min(1.0, _LONGEST_MM / longest_mm)
         if share == 1.0 and longest_mm > _SLOWING * last_mm:

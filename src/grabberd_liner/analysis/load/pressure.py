@@ -22,7 +22,14 @@ from grabberd.core.reconstruction import Points
 from grabberd.errors import AnalysisError
 from grabberd_liner.analysis.estimate import Estimate, Joint
 from grabberd_liner.analysis.grid import Grid
-from grabberd_liner.analysis.load.load_fit import MISFIT_ALARM, Posterior, Response, fit_load, posterior
+from grabberd_liner.analysis.load.load_fit import (
+    MISFIT_ALARM,
+    NEAR_MM,
+    Posterior,
+    Response,
+    fit_load,
+    posterior,
+)
 from grabberd_liner.analysis.load.load_profile import LoadProfile, Sections, is_empty, profile_heights
 from grabberd_liner.analysis.load.mounting import Mounting
 from grabberd_liner.analysis.load.targets import Sights
@@ -131,6 +138,8 @@ class PressureMap(NamedTuple):
 
 REACH_MM = 0.8
 """Movement of the wall within which a linearised model holds: at 1 mm contact pressures err by up to .2 σ."""
+EXACT_MM = 0.1
+"""The same for sums of pressures: the errors of all heights are alike there, and their σ is small."""
 _MOST = 2
 """Linearised models kept, of 35 MB each with their followers: enough for states in the order of the wall's
 departure."""
@@ -153,6 +162,7 @@ class LoadSeries:
         sights: Sights,
         difference: Difference,
         mean: LoadMean = USUAL,
+        reach_mm: float = REACH_MM,
     ) -> Posterior:
         """The load in one state.
 
@@ -160,11 +170,12 @@ class LoadSeries:
             sights: what was seen.
             difference: pressure difference.
             mean: prior mean of the load.
+            reach_mm: movement of the wall within which a linearised model is good enough.
 
         Raises:
             AnalysisError: the wall does not settle.
         """
-        found = self._near_known(sights, difference, mean)
+        found = self._near_known(sights, difference, mean, reach_mm)
         if found is None or found.j > MISFIT_ALARM:
             begun = self._begun(sights, difference, mean)
             if found is None or begun.j < found.j:
@@ -173,16 +184,18 @@ class LoadSeries:
             self._known = [*self._known[1 - _MOST :], found.response]
         return found
 
-    def _near_known(self, sights: Sights, difference: Difference, mean: LoadMean) -> Posterior | None:
+    def _near_known(
+        self, sights: Sights, difference: Difference, mean: LoadMean, reach_mm: float
+    ) -> Posterior | None:
         """The load, sought from the nearest state that is known; None if it is not found from there."""
         if not self._known:
             return None
         try:
             found = posterior(self._nearest(sights), sights, difference, mean)
-            if found.longest_mm < REACH_MM:
+            if found.longest_mm < reach_mm:
                 return found
-            start = found.moved(REACH_MM / found.longest_mm)
-            return fit_load(self.model, sights, difference, start, mean)[0]
+            start = found.moved(min(1.0, REACH_MM / found.longest_mm))
+            return fit_load(self.model, sights, difference, start, mean, min(NEAR_MM, reach_mm))[0]
         except AnalysisError:
             return None  # the open wall is a safer start, and decides whether there is a load at all
 
@@ -301,26 +314,31 @@ class PressureModel:
         half, targets = self._mounting.half, self._mounting.targets
         return LoadSeries(WallModel(half, targets, LoadPrior(), TubePrior.of(material), mirrored))
 
-    def settled(self, points: Points, vacuum: ChamberVacuum) -> SettledWall:
+    def settled(self, points: Points, vacuum: ChamberVacuum, *, exact: bool = False) -> SettledWall:
         """The wall in equilibrium at one field, without points that the others contradict.
 
         Args:
             points: of the field.
             vacuum: at the field.
+            exact: true if its pressures are to be summed.
 
         Raises:
             AnalysisError: the wall has no equilibrium with these points.
         """
         difference = Difference(vacuum.difference_kpa, max(vacuum.difference_sigma_kpa, _EXACT))
         sights = self._mounting.sights(points, self._grid)
-        found, other, share = self._weighed(sights, difference)
+        # Where nothing presses, there is nothing to be exact about.
+        reach_mm = EXACT_MM if exact and difference.kpa > _CLOSING_KPA[0] else REACH_MM
+        found, other, share = self._weighed(sights, difference, reach_mm)
         found, left_out = _without_outliers(found)
         free = self._compared.load(found.sights, difference) if self._compared else None
         alone = self._mounting.seen_alone(points, self._grid)
         alone[list(left_out)] = False
         return SettledWall(found, free, left_out, alone, other, share)
 
-    def _weighed(self, sights: Sights, difference: Difference) -> tuple[Posterior, Posterior | None, float]:
+    def _weighed(
+        self, sights: Sights, difference: Difference, reach_mm: float
+    ) -> tuple[Posterior, Posterior | None, float]:
         """The more probable of the walls by both prior means of the load, the other one, and its probability.
 
         By the liner's values, which all rows share: how well each explains the points cannot be compared, for
@@ -331,13 +349,13 @@ class PressureModel:
         """
         counts = float(np.interp(difference.kpa, _CLOSING_KPA, (0.0, 1.0)))
         try:
-            found = self._series.load(sights, difference)
+            found = self._series.load(sights, difference, reach_mm=reach_mm)
         except AnalysisError:
-            return self._wide.load(sights, difference, WIDE), None, 0.0
+            return self._wide.load(sights, difference, WIDE, reach_mm), None, 0.0
         if not counts:
             return found, None, 0.0
         try:
-            wide = self._wide.load(sights, difference, WIDE)
+            wide = self._wide.load(sights, difference, WIDE, reach_mm)
         except AnalysisError:
             return found, None, 0.0
         share = counts / (1 + _ODDS * float(np.exp((wide.liner_misfit - found.liner_misfit) / 2)))

@@ -2,9 +2,12 @@
 the variation of each cycle's start, length and stroke against it.
 
 Each coordinate is a Fourier series of the phase, fitted to all fields: they need not fall on the same phases
-in different cycles, and movement between two fields is not smeared. Averaging reduces noise from pointing
-and line jitter; the calibration's covariance is common to all fields and remains. Targets that one view
-alone sees are averaged in that view's image likewise.
+in different cycles, and movement between two fields is not smeared. A wall that closes within two fields has
+more harmonics than single targets determine. The higher ones are taken from the movement of the wall, which
+all targets determine together: without them a still wall would seem to swing, all targets alike.
+
+Averaging reduces noise from pointing and line jitter; the calibration's covariance is common to all fields
+and remains. Targets that one view alone sees are averaged in that view's image likewise.
 """
 
 from collections.abc import Iterator, Sequence
@@ -26,6 +29,8 @@ _HALF_WAVE = 0.5
 """Greatest gap in phase, in waves of the highest harmonic: a longer one lets the series swing freely."""
 _SLACK = 1.5
 """Fields per coefficient; fewer leave no freedom to estimate how cycles differ."""
+_DEGREE = 3
+"""Of a target's place as a polynomial of the wall's movement, beside its own harmonics."""
 
 
 class PhaseAverage(NamedTuple):
@@ -65,16 +70,43 @@ def phase_average(
     fields = [field for capture in captures for field in capture]
     all_tracks = tracks([field for field, used in zip(fields, inside, strict=True) if used])
     at = np.concatenate([moment.phase for moment in moments])[inside]
-    wanted, harmonics = np.asarray(phase, np.float64), pulsation.field_harmonics
-    averages = list(_averages(all_tracks.xyz_mm, all_tracks.covariance_mm2, at, wanted, harmonics))
+    wanted, series = np.asarray(phase, np.float64), _Series(pulsation)
+    averages = list(_averages(all_tracks.xyz_mm, all_tracks.covariance_mm2, at, wanted, series))
     good = np.array(sorted(index for average in averages for index in average.place), np.intp)
     if not len(good):
         raise AnalysisError(
             "no target is seen in the whole cycle", "capture longer, or more bursts; check what hides targets"
         )
     found = [field.points for field, used in zip(fields, inside, strict=True) if used]
-    single = _single(found, all_tracks.target[good], at, wanted, harmonics)
+    single = _single(found, all_tracks.target[good], at, wanted, series)
     return _joined(all_tracks, averages, good, wanted, single)
+
+
+class _Series:
+    """Terms of a target's place over the phase.
+
+    Args:
+        pulsation: of the wall.
+    """
+
+    def __init__(self, pulsation: Pulsation) -> None:
+        self._harmonics, self._waveform = pulsation.field_harmonics, pulsation.waveform
+        low_mm, high_mm = pulsation.waveform.levels()
+        self._middle_mm, self._half_mm = (high_mm + low_mm) / 2, (high_mm - low_mm) / 2
+
+    def count(self, at: Array) -> int:
+        """Number of harmonics that fields at phases determine, from their number and the widest gap."""
+        if len(at) < 2:
+            return 0
+        ordered = np.sort(at)
+        hole = float(np.diff(np.concatenate([ordered, [ordered[0] + 1]])).max())
+        return min(self._harmonics, int(_HALF_WAVE / hole), int((len(at) / _SLACK - 1 - _DEGREE) / 2))
+
+    def terms(self, phase: Array, count: int) -> Array:
+        """(P, 2 count + 1 + `_DEGREE`) harmonics at phases (P,), then powers of the movement from −1 to 1."""
+        moved = (self._waveform.value(phase) - self._middle_mm) / self._half_mm
+        powers = moved[:, np.newaxis] ** np.arange(1, _DEGREE + 1)
+        return np.concatenate([basis(phase, count), powers], axis=1)
 
 
 class _Average(NamedTuple):
@@ -87,7 +119,7 @@ class _Average(NamedTuple):
 
 
 def _averages(
-    values: Array, covariance: Array, at: Array, phase: Array, harmonics: int
+    values: Array, covariance: Array, at: Array, phase: Array, series: _Series
 ) -> Iterator[_Average]:
     """Averages of D coordinates of targets (F, N, D); NaN where one was not seen."""
     seen = np.isfinite(values[..., 0])
@@ -95,20 +127,11 @@ def _averages(
     patterns, which = np.unique(seen, axis=1, return_inverse=True)
     for k in range(patterns.shape[1]):
         use = patterns[:, k]
-        count = _count(at[use], harmonics)
+        count = series.count(at[use])
         if count >= _FEWEST:
             index = np.flatnonzero(which == k)
             chosen = values[np.ix_(use, index)], covariance[np.ix_(use, index)]
-            yield _average(index, *chosen, basis(at[use], count), basis(phase, count))
-
-
-def _count(at: Array, harmonics: int) -> int:
-    """Number of harmonics that the fields determine, from their number and the widest gap in phase."""
-    if len(at) < 2:
-        return 0
-    ordered = np.sort(at)
-    hole = float(np.diff(np.concatenate([ordered, [ordered[0] + 1]])).max())
-    return min(harmonics, int(_HALF_WAVE / hole), int((len(at) / _SLACK - 1) / 2))
+            yield _average(index, *chosen, series.terms(at[use], count), series.terms(phase, count))
 
 
 def _average(index: Indices, values: Array, covariance: Array, terms: Array, wanted: Array) -> _Average:
@@ -139,7 +162,7 @@ def _single(
     averaged: NDArray[np.int32],
     at: Array,
     phase: Array,
-    harmonics: int,
+    series: _Series,
 ) -> Sequence[SingleViewImages | None]:
     """Images at each phase of targets without a mean point that one view sees throughout the cycle.
 
@@ -148,7 +171,7 @@ def _single(
         averaged: ids of targets with a mean point.
         at: (F,) phases of the fields.
         phase: (P,) requested phases.
-        harmonics: most that the averages may have.
+        series: terms of the averages.
     """
     sought = [field.single.target for field in fields if field.single is not None]
     target = np.setdiff1d(np.concatenate(sought or [averaged]), averaged).astype(np.int32)
@@ -156,7 +179,7 @@ def _single(
         return [None] * len(phase)
     images, variance = _images(fields, target)
     covariance = variance[..., np.newaxis] * np.eye(2)
-    found = [average for average in _averages(images, covariance, at, phase, harmonics) if len(average.place)]
+    found = [average for average in _averages(images, covariance, at, phase, series) if len(average.place)]
     place = np.concatenate([average.place for average in found] or [np.empty(0, np.intp)])
     # Both views may see a target throughout, each by itself; two images without a point are a contradiction.
     alone = np.flatnonzero(np.bincount(place // 2, minlength=len(target))[place // 2] == 1)

@@ -156,7 +156,7 @@ def _laid(other: OtherMethod, model: PressureModel, grid: Grid, chosen: Candidat
     if chosen.pressure is None:
         raise AnalysisError("the wall has no equilibrium in that state", "choose another state")
     kept, _ = possible(grid, chosen.points)
-    teat = model.over_teat(model.settled(kept, chosen.vacuum), chosen.pressure)
+    teat = model.over_teat(model.settled(kept, chosen.vacuum, exact=True), chosen.pressure)
     if other.record.above == "atmosphere":
         value, covariance = teat.contact_kpa
         vacuum = chosen.vacuum

@@ -349,7 +349,7 @@ class WallSeries:
     ) -> "_Wall | None":
         """Wall of one field or phase; None, with a problem, if its points determine no face."""
         try:
-            settled = self._settled(points, vacuum, problems)
+            settled = self._settled(points, vacuum, problems, averaged)
             if self.pressure is None or vacuum is None or settled is None:
                 return _Wall(self._surface(points), None)
             face = self._surface(points) if settled.wall.contradicted else self._face(settled)
@@ -361,7 +361,7 @@ class WallSeries:
             return None
 
     def _settled(
-        self, points: Points, vacuum: ChamberVacuum | None, problems: list[str]
+        self, points: Points, vacuum: ChamberVacuum | None, problems: list[str], averaged: bool
     ) -> "_Settled | None":
         """Wall in equilibrium; None if it is not asked for or, with a problem, if there is none.
 
@@ -372,7 +372,7 @@ class WallSeries:
             return None
         kept, left_out = possible(self.question.grid, points)
         try:
-            return _Settled(self.pressure.settled(kept, vacuum), kept, left_out)
+            return _Settled(self.pressure.settled(kept, vacuum, exact=averaged), kept, left_out)
         except AnalysisError as error:
             problems.append(error.message)
             return None
