@@ -87,7 +87,7 @@ def of_wall(
         deviation = NOISE_MM[bits] / np.sqrt(fields)
         points = with_noise(liner, liner.places_mm(wall.outer_kpa), deviation, random)
         try:
-            settled = model.settled(points, vacuum)
+            settled = model.settled(points, vacuum, exact=fields > 1)
             one = model.of_settled(settled, np.ones(len(liner.grid), bool), vacuum)
             pairs = dict(_pairs(one, true, wall, liner)) if one.usable.any() and one.profile else {}
         except AnalysisError:
