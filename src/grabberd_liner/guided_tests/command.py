@@ -145,7 +145,7 @@ def _request(recipe: "Recipe", words: dict[str, str], duration: float | None) ->
 
 def _new_name(kind: str) -> str:
     """Name of a capture's file, which becomes its id: captures of one name would be one to a study."""
-    from grabberd.clock import SystemClock  # noqa: PLC0415
+    from grabberd.runtime import SystemClock  # noqa: PLC0415
 
     return f"{kind}-{SystemClock().utc_now():%Y%m%dT%H%M%SZ}.grab"
 

@@ -125,7 +125,7 @@ def _written(
 ) -> tuple[dict[str, Any], list[Path]]:
     """Make the study and write its files; return its document with them."""
     from grabberd import __version__  # noqa: PLC0415
-    from grabberd.clock import SystemClock, iso_utc  # noqa: PLC0415
+    from grabberd.runtime import SystemClock, iso_utc  # noqa: PLC0415
     from grabberd_liner.analyses.export import write_tables  # noqa: PLC0415
     from grabberd_liner.chain.study.study import make_study  # noqa: PLC0415
     from grabberd_liner.chain.study.study_document import study_document, tables  # noqa: PLC0415

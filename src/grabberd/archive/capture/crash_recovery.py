@@ -30,10 +30,10 @@ from grabberd.archive.capture.schema import (
 )
 from grabberd.archive.capture.writer import FAILED, RUNNING, publish
 from grabberd.archive.guarded_database import JOURNAL
-from grabberd.clock import Now
 from grabberd.core.ledger import Ledger, LedgerEntry, Outcome
 from grabberd.errors import CaptureFileError, GrabberdError, LaterVersion, StorageError, count_of
 from grabberd.files.disk import DirectoryLock, scratch_folder, storage_errors
+from grabberd.runtime import Now
 from grabberd.work.process import HOSTILE, ask_each
 
 REASON = ".txt"

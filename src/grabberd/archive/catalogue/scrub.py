@@ -15,9 +15,9 @@ from grabberd.archive.capture.verification import Verification, verify_files
 from grabberd.archive.catalogue.archive import Archive
 from grabberd.archive.state.index_entries import SEALED_ENTRY
 from grabberd.archive.state.state_database import StateStore
-from grabberd.clock import UtcClock, iso_utc
 from grabberd.errors import Cause, GrabberdError
 from grabberd.fault_board import Complaint, FaultBoard
+from grabberd.runtime import UtcClock, iso_utc
 
 log = logging.getLogger(__name__)
 EVERY = timedelta(days=30)

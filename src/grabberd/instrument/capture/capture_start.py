@@ -11,7 +11,6 @@ from grabberd import __version__, runtime
 from grabberd.archive.capture.meta import CaptureMeta
 from grabberd.archive.capture.writer import CaptureWriter
 from grabberd.archive.catalogue.capture_documents import document_without_fields
-from grabberd.clock import Moment, boot_id, iso_utc
 from grabberd.core.ledger import Slot
 from grabberd.errors import GrabberdError, GroupRefused, InputError, NotReady
 from grabberd.instrument.acquisition import Signal
@@ -21,6 +20,7 @@ from grabberd.instrument.capture.device_captures import CurrentCaptures, DeviceC
 from grabberd.instrument.capture.recorder import Backlog, Recorder
 from grabberd.instrument.capture.recording import LIVE_RUN, Recording
 from grabberd.instrument.channels.feed import ChannelRecording
+from grabberd.runtime import Moment, boot_id, iso_utc
 
 
 class CaptureStart:

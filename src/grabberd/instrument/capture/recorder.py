@@ -7,13 +7,13 @@ from collections.abc import Iterable
 from typing import Generic, TypeVar
 
 from grabberd import runtime
-from grabberd.clock import UtcClock
 from grabberd.core.ledger import Ledger, LedgerEntry, Outcome, Slot
 from grabberd.core.measurement.marks import Located
 from grabberd.errors import RingOverrun
 from grabberd.instrument.acquisition import RingReader, StreamInfo
 from grabberd.instrument.capture.begin import Begin, NumbersFromBegin, number_at
 from grabberd.instrument.device.field_pipeline import FieldPipeline
+from grabberd.runtime import UtcClock
 
 
 def cut(entries: Iterable[LedgerEntry], first_n: int, end_n: float = math.inf) -> tuple[LedgerEntry, ...]:

@@ -7,7 +7,6 @@ is unknown is not called good, and old measurements are not shown as current.
 from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
-from grabberd.clock import UtcClock
 from grabberd.core.reconstruction.drift_check import RigVerdict
 from grabberd.documents.devices import (
     DeviceHealth,
@@ -27,6 +26,7 @@ from grabberd.instrument.device.field_watch import WHAT_TO_DO
 from grabberd.instrument.device.status_board import LATELY_S, STREAMING, DeviceStatus
 from grabberd.instrument.instrument import Instrument
 from grabberd.instrument.live.field_streams import CURRENT_NS
+from grabberd.runtime import UtcClock
 
 LEVELS: tuple[HealthLevel, ...] = ("good", "unknown", "warning", "bad")
 _DAEMONS_OWN: frozenset[HealthPart] = frozenset({"computer", "records", "clock"})

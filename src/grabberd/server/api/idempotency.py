@@ -17,8 +17,8 @@ from starlette.concurrency import run_in_threadpool
 from starlette.exceptions import HTTPException
 
 from grabberd.archive.state.state_database import KeptAnswer
-from grabberd.clock import UtcClock, iso_utc
 from grabberd.errors import GrabberdError, StorageError
+from grabberd.runtime import UtcClock, iso_utc
 from grabberd.server.api.problems import Refusal
 from grabberd.server.api.responses import RenderedRoute
 from grabberd.server.daemon.service import Service

@@ -12,10 +12,10 @@ from starlette.concurrency import run_in_threadpool
 
 from grabberd import __version__
 from grabberd.archive.access import SESSION_LIFE, Identity
-from grabberd.clock import iso_utc
 from grabberd.documents.document import JsonObject
 from grabberd.documents.state import SessionDocument
 from grabberd.errors import NotFound
+from grabberd.runtime import iso_utc
 from grabberd.server.api.guard.authentication import COOKIE, Authenticator, Credentials, IdentityOf
 from grabberd.server.api.guard.front import Front
 from grabberd.server.api.problems import Refusal
