@@ -214,10 +214,7 @@ class Access:
     """
 
     def __init__(
-        self,
-        directory: Path,
-        clock: UtcClock | None = None,
-        heal: Callable[[str], None] | None = None,
+        self, directory: Path, clock: UtcClock | None = None, heal: Callable[[str], None] | None = None
     ) -> None:
         self.key = MachineKey(directory)
         self._store = TokenStore(directory / "state.sqlite", heal)

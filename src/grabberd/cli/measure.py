@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 ProposeOption = Annotated[
     Path | None,
     typer.Option(
-        help="Write an object file to this path, with misplaced targets moved to where they were measured.",
+        help="Write an object file to this path, with misplaced targets moved to where they were measured."
     ),
 ]
 

@@ -226,11 +226,7 @@ class Process:
 
 
 def ask_each(
-    limits: Limits,
-    function: str,
-    paths: Iterable[Path],
-    longest_s: Callable[[Path], float],
-    *arguments: Any,
+    limits: Limits, function: str, paths: Iterable[Path], longest_s: Callable[[Path], float], *arguments: Any
 ) -> Iterator[tuple[Path, Any]]:
     """Each file with a function's answer, in order; None for one that ended the process, or held it up.
 

@@ -39,13 +39,7 @@ from grabberd_liner.analyses.documents import (
 )
 from grabberd_liner.analyses.job import AnalysisJob
 from grabberd_liner.analyses.preparation import prepare_in_process
-from grabberd_liner.analyses.store import (
-    DOCUMENT,
-    RECORD,
-    pulsation_document,
-    read_map,
-    report_page,
-)
+from grabberd_liner.analyses.store import DOCUMENT, RECORD, pulsation_document, read_map, report_page
 from grabberd_liner.part import liner_of
 
 router = APIRouter(prefix="/captures", tags=["analyses"], responses=PROBLEMS, route_class=OnceRoute)
@@ -130,12 +124,10 @@ def get_analysis_map(
     number: AnalysisNumber,
     service: ServiceOf,
     field: Annotated[
-        int | None,
-        Query(ge=0, le=2**53, description="Number of a field; the phase is then ignored."),
+        int | None, Query(ge=0, le=2**53, description="Number of a field; the phase is then ignored.")
     ] = None,
     phase: Annotated[
-        float,
-        Query(ge=0, le=1, description="Phase of the mean cycle, if no field is given."),
+        float, Query(ge=0, le=1, description="Phase of the mean cycle, if no field is given.")
     ] = 0.0,
     if_none_match: IfNoneMatch = None,
 ) -> Response:

@@ -160,8 +160,7 @@ def _check_fit(kind: str, captures: Sequence[CaptureDocument]) -> None:
     """
     if RECIPES[kind].several and len(captures) < 2:
         raise InputError(
-            f"the test {kind} compares captures, and one is named",
-            "name all captures that were taken for it",
+            f"the test {kind} compares captures, and one is named", "name all captures that were taken for it"
         )
     if not RECIPES[kind].several and len(captures) > 1:
         raise InputError(

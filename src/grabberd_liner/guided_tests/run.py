@@ -119,9 +119,7 @@ def _curve(one: Curve) -> TestCurve:
 def _offer(offer: Offer, one: Evidence) -> ProfileOffer:
     before = dict(one.liner.content) if one.liner else {}
     return ProfileOffer(
-        profile=dict(offer.content),
-        after=offer.after,
-        changes=changes_in_words(before, offer.content),
+        profile=dict(offer.content), after=offer.after, changes=changes_in_words(before, offer.content)
     )
 
 

@@ -50,8 +50,7 @@ def study(  # noqa: PLR0913, PLR0917 - options of a command
         str | None, typer.Option(help="Trend over this: date, milkings, or another label with numbers.")
     ] = None,
     quantities: Annotated[
-        str | None,
-        typer.Option(help="Comma-separated names of quantities; default: all."),
+        str | None, typer.Option(help="Comma-separated names of quantities; default: all.")
     ] = None,
     formats: Annotated[str, typer.Option(help="Comma-separated list of csv, parquet.")] = "csv",
     config: ConfigOption = None,

@@ -43,12 +43,7 @@ from grabberd.archive.capture.meta import (
     write_meta,
 )
 from grabberd.archive.capture.reading_groups import MOST_CHANNELS, RecordedChannel, decode_readings
-from grabberd.archive.capture.recorded_channels import (
-    KEY,
-    RecordedChannels,
-    groups_of,
-    write_account,
-)
+from grabberd.archive.capture.recorded_channels import KEY, RecordedChannels, groups_of, write_account
 from grabberd.archive.capture.recorded_ledger import RecordedLedger, rebases_in
 from grabberd.archive.capture.rows import write_ledger
 from grabberd.archive.capture.schema import (

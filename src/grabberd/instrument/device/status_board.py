@@ -225,11 +225,7 @@ class StatusBoard:
         return (len(arrivals_ns) - 1) * 1e9 / max(arrivals_ns[-1] - arrivals_ns[0], 1)
 
     def enter(
-        self,
-        state: DeviceState,
-        cause: str | None = None,
-        hint: str | None = None,
-        code: Cause | None = None,
+        self, state: DeviceState, cause: str | None = None, hint: str | None = None, code: Cause | None = None
     ) -> None:
         """Changes the state to one that may follow the present one.
 

@@ -431,10 +431,7 @@ class Service:
     def device_document(self, instrument: Instrument, around: Surroundings | None = None) -> DeviceDocument:
         """Present state of a device."""
         return device_document(
-            instrument,
-            self.active,
-            around or self.surroundings(),
-            self.parts.device_fields(instrument.name),
+            instrument, self.active, around or self.surroundings(), self.parts.device_fields(instrument.name)
         )
 
     def recordings(self) -> list[Recording]:

@@ -27,11 +27,7 @@ from grabberd.server.web import POLICY, Files, Site, StaticFile, language_of, re
 session_router = APIRouter(prefix="/session", tags=["session"], responses=PROBLEMS, route_class=RenderedRoute)
 
 
-@session_router.post(
-    "",
-    status_code=status.HTTP_201_CREATED,
-    summary="Open a session",
-)
+@session_router.post("", status_code=status.HTTP_201_CREATED, summary="Open a session")
 def open_session(
     identity: IdentityOf, service: ServiceOf, request: Request, response: Response
 ) -> SessionDocument:
