@@ -11,9 +11,8 @@ from typing import Self
 import numpy as np
 from numpy.typing import NDArray
 
-from grabberd.archive.capture.content import Content, PointArrays, RowContent
+from grabberd.archive.capture.content import Content, GroupContent, PointArrays, RowContent
 from grabberd.archive.capture.digests import CHANGED, END, Damage, changed_parts
-from grabberd.archive.capture.group_content import GroupContent
 from grabberd.archive.capture.meta import (
     LARGEST_N,
     LARGEST_TIME_NS,

@@ -15,6 +15,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from grabberd import runtime
+from grabberd.archive.capture.content import PICTURE_GROUPS, POINT_GROUPS, WITHOUT_PICTURE
 from grabberd.archive.capture.digests import (
     END,
     FIELDS,
@@ -31,7 +32,6 @@ from grabberd.archive.capture.digests import (
     write_row_digests,
     write_sealed_digest,
 )
-from grabberd.archive.capture.group_content import PICTURE_GROUPS, POINT_GROUPS, WITHOUT_PICTURE
 from grabberd.archive.capture.groups import measured_points, recorded_fields
 from grabberd.archive.capture.meta import (
     BEFORE,
