@@ -22,7 +22,7 @@ from grabberd.core.geometry import Calibration
 from grabberd.core.reconstruction import ObjectModel
 from grabberd.documents.document import JsonObject
 from grabberd.errors import CaptureFileError, Conflict, GrabberdError, InputError, NotReady, StorageError
-from grabberd.files.documents import read_documents
+from grabberd.files.reading import read_documents
 from grabberd_reprocess.reprocess_capture import CaptureTask, Recipe, TaskResult, reprocess_capture
 from grabberd_reprocess.workers import TaskPool, Workers
 

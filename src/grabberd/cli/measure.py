@@ -40,7 +40,7 @@ def measure(
     """
     from grabberd.archive.capture.reader import CaptureReader  # noqa: PLC0415
     from grabberd.archive.measure_setups import settings_of_capture  # noqa: PLC0415
-    from grabberd.files.documents import read_documents  # noqa: PLC0415
+    from grabberd.files.reading import read_documents  # noqa: PLC0415
     from grabberd.library.jobs.measurement import measure_file  # noqa: PLC0415
 
     with CaptureReader(capture) as reader:

@@ -20,7 +20,7 @@ from typing import Any
 from grabberd import runtime
 from grabberd.errors import StorageError
 from grabberd.files.disk import storage_errors
-from grabberd.files.patience import check_patience
+from grabberd.files.reading import check_patience
 from grabberd.memory import kill_first
 from grabberd.work.child import Limits
 from grabberd.work.frames import HEAD, NUMBER, Answer, Call, Frame, Question, unpacked_error

@@ -23,7 +23,7 @@ from grabberd.documents.captures import CaptureDocument
 from grabberd.documents.document import JobProblem, JsonObject
 from grabberd.documents.jobs import JobDocument
 from grabberd.errors import ConfigError, GrabberdError, NotFound, Problem
-from grabberd.files.documents import read_json
+from grabberd.files.reading import read_json
 from grabberd.instrument.setup import DeviceSetup, set_up
 from grabberd.runtime import UtcClock, iso_utc
 from grabberd.server.daemon.jobs import NOTE as CHECK

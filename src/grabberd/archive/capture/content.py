@@ -37,7 +37,7 @@ from grabberd.archive.capture.rows import FIELD_COLUMNS, RecordedField, recorded
 from grabberd.archive.capture.schema import DAMAGE, reading_errors
 from grabberd.core.reconstruction.points import Points
 from grabberd.errors import count_of
-from grabberd.files.patience import check_patience
+from grabberd.files.reading import check_patience
 
 
 class PointArrays(NamedTuple):

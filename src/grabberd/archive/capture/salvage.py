@@ -61,8 +61,7 @@ from grabberd.archive.guarded_database import schema_of
 from grabberd.core.channels.account import Account, ChannelAccount, ChannelLedger
 from grabberd.core.ledger import FILE_DAMAGED, UNACCOUNTED, Ledger, LedgerEntry, Outcome
 from grabberd.files.disk import scratch_folder
-from grabberd.files.documents import read_json
-from grabberd.files.patience import check_patience
+from grabberd.files.reading import check_patience, read_json
 
 _USUAL = 200
 _AT_ONCE = {"pictures": 2, "points": 2}

@@ -30,7 +30,7 @@ from grabberd.errors import (
 )
 from grabberd.fault_board import FaultBoard
 from grabberd.files.disk import storage_errors
-from grabberd.files.patience import Patience, within
+from grabberd.files.reading import Patience, within
 
 if TYPE_CHECKING:
     from grabberd.work.job_queue import JobQueue

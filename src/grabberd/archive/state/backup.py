@@ -24,7 +24,7 @@ from grabberd.archive.state.state_keeper import CAPTURES_FOLDER, ORIGIN
 from grabberd.bounded_documents import LARGEST_DOCUMENT
 from grabberd.errors import InputError, StorageError
 from grabberd.files import disk
-from grabberd.files.documents import read_json
+from grabberd.files.reading import read_json
 
 SCHEMA, VERSION = "grabberd/backup", 1
 MANIFEST, STATE, CALIBRATIONS = "manifest.json", "state.sqlite", "calibrations"
