@@ -13,16 +13,17 @@ from grabberd.archive.catalogue.capture_list import for_each
 from grabberd.documents.captures import BatchDocument, CaptureSelection
 from grabberd.documents.jobs import JobDocument
 from grabberd.documents.problems import Problem
-from grabberd.server.api.idempotency import TAKES_KEY, OnceRoute
 from grabberd.server.api.readings import reads
 from grabberd.server.api.responses import IMMUTABLE, NOT_MODIFIED, IfNoneMatch, RenderedRoute, tagged
 from grabberd.server.api.routes.dependencies import (
     PROBLEMS,
     REPORT_HEADERS,
+    TAKES_KEY,
     CaptureId,
     Cursor,
     DeviceName,
     Limit,
+    OnceRoute,
     ServiceOf,
     accepted,
     by_number,

@@ -8,8 +8,16 @@ from fastapi import APIRouter, Path, Query, Request, Response, status
 
 from grabberd.documents.document import JsonObject
 from grabberd.errors import InputError
-from grabberd.server.api.idempotency import TAKES_KEY, OnceRoute
-from grabberd.server.api.routes.dependencies import PROBLEMS, Cursor, Limit, ServiceOf, by_number, page_of
+from grabberd.server.api.routes.dependencies import (
+    PROBLEMS,
+    TAKES_KEY,
+    Cursor,
+    Limit,
+    OnceRoute,
+    ServiceOf,
+    by_number,
+    page_of,
+)
 from grabberd_liner.part import liner_of
 from grabberd_liner.profiles.documents import (
     NAME_PATTERN,

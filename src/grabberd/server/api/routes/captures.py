@@ -40,10 +40,17 @@ from grabberd.documents.requests import (
 from grabberd.errors import InputError, NotFound
 from grabberd.library.jobs.measurement import MeasurementJob
 from grabberd.runtime import iso_utc
-from grabberd.server.api.idempotency import ACCEPTED_ONCE, OnceRoute
 from grabberd.server.api.readings import reads
 from grabberd.server.api.responses import RenderedRoute
-from grabberd.server.api.routes.dependencies import PROBLEMS, CaptureId, Limit, ServiceOf, accepted
+from grabberd.server.api.routes.dependencies import (
+    ACCEPTED_ONCE,
+    PROBLEMS,
+    CaptureId,
+    Limit,
+    OnceRoute,
+    ServiceOf,
+    accepted,
+)
 from grabberd.server.api.streams.downloads import Download, download
 
 
