@@ -190,8 +190,7 @@ class CaptureReader:
 
     def newest_runs(self, most: int) -> Iterator[RunInfo]:
         """The newest runs in order, each without the documents that its points were measured with."""
-        for number in self.run_numbers[-most:]:
-            yield self._run(number, _RUN_ALONE)
+        return (self._run(number, _RUN_ALONE) for number in self.run_numbers[-most:])
 
     def fields(self, first_n: int = 0, end_n: int | None = None) -> Iterator[RecordedField]:
         """The fields with first_n ≤ n < end_n in order, about fifty at a time."""
