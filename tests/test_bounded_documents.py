@@ -20,7 +20,7 @@ from grabberd.bounded_documents import (
 )
 from grabberd.config.reading import load_config
 from grabberd.errors import ConfigError, InputError
-from grabberd.files.documents import read_documents, read_yaml
+from grabberd.files.reading import read_documents, read_yaml
 
 LAUGHS = "a0: &a0 [ha, ha, ha, ha, ha, ha, ha, ha, ha]\n" + "".join(
     f"a{n}: &a{n} [{', '.join([f'*a{n - 1}'] * 9)}]\n" for n in range(1, 9)

@@ -9,7 +9,7 @@ from datetime import UTC, datetime
 import pytest
 
 from grabberd import runtime
-from grabberd.clock import SystemClock
+from grabberd.runtime import SystemClock
 
 
 def test_in_use_the_factories_give_the_standard_librarys_own_objects():

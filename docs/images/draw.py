@@ -22,7 +22,7 @@ import grabberd
 from grabberd.config import default_config_file, load_config, shipped_configs
 from grabberd.core.chain.measure import MeasuredField, MeasureSetup, measure_fields
 from grabberd.core.field import Field, NumberedField, PackedField, double_lines, quantise
-from grabberd.files.documents import read_yaml
+from grabberd.files.reading import read_yaml
 from grabberd.instrument.setup import set_up
 from grabberd_fake import FakeGrabber, JumpingClock
 from grabberd_liner.analysis.grid import Grid

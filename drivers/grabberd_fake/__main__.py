@@ -165,10 +165,7 @@ def calibration_document(options: FakeOptions) -> dict[str, Any]:
         "covariance": None,
         "sigma0_px": None,
         "glass": None,
-        "details": {
-            "mirror_error_px": options.rig.mirror_error_px,
-            "image_model": {"disc_centres": True},
-        },
+        "details": {"mirror_error_px": options.rig.mirror_error_px, "image_model": {"disc_centres": True}},
     }
 
 

@@ -13,19 +13,7 @@ import numpy as np
 from grabberd.core.field import FieldOrder
 from grabberd.errors import Cause, DeviceAbsent, DeviceLost, DeviceRefused, StreamFailed
 from grabberd.instrument.acquisition.device import GrabbedField, Signal, StreamInfo
-from grabberd_fake.faults import (
-    Busy,
-    DeadInput,
-    Fail,
-    Fault,
-    Freeze,
-    NoSignal,
-    Refuse,
-    Script,
-    Standard,
-    Storm,
-    Unplug,
-)
+from grabberd_fake import faults
 from grabberd_fake.optics import COLUMNS
 from grabberd_fake.options import FakeOptions
 from grabberd_fake.render import ROWS
@@ -112,7 +100,7 @@ class FakeGrabber:
         self._clock = clock or RealClock()
         if self.options.pace == "free":
             self._clock = JumpingClock(self._clock.now_ns())
-        self._script = Script(self.options.faults, self.options.driver.rate_hz)
+        self._script = faults.Script(self.options.faults, self.options.driver.rate_hz)
         self._draws_ahead = clock is None and self.options.pace == "real"
         self._pictures: Pictures | None = None
         self._waited_ns = 0
@@ -168,8 +156,8 @@ class FakeGrabber:
         if self._stream is None:
             return Signal.UNKNOWN
         number = self._number_now()
-        lost = self._script.at(number, NoSignal)
-        absent = self._script.at(number, DeadInput) or (lost and lost.told)
+        lost = self._script.at(number, faults.NoSignal)
+        absent = self._script.at(number, faults.DeadInput) or (lost and lost.told)
         return Signal.ABSENT if absent else Signal.PRESENT
 
     def restart(self) -> StreamInfo:
@@ -232,7 +220,7 @@ class FakeGrabber:
         self._script.clear(step, self._number_now())
 
     def _rows_now(self) -> int:
-        rows = ROWS if self._script.at(self._number_now(), Standard) is None else _NTSC_ROWS
+        rows = ROWS if self._script.at(self._number_now(), faults.Standard) is None else _NTSC_ROWS
         return 2 * rows if self.options.driver.is_progressive else rows
 
     def _next_top_field(self) -> int:
@@ -250,19 +238,19 @@ class FakeGrabber:
 
     def _check_opening(self) -> None:
         self._refuse_if_unplugged()
-        refuse = self._script.at(self._number_now(), Refuse)
+        refuse = self._script.at(self._number_now(), faults.Refuse)
         if refuse is not None:
             self._let_pass(refuse)
             reason, hint, cause = _REFUSALS[refuse.why]
             raise DeviceRefused(f"the simulated grabber is refused: {reason}", hint, cause)
 
     def _refuse_if_unplugged(self) -> None:
-        unplug = self._script.at(self._number_now(), Unplug)
+        unplug = self._script.at(self._number_now(), faults.Unplug)
         if unplug is not None:
             self._let_pass(unplug)
             raise DeviceAbsent("there is no simulated grabber: the script has it unplugged", _REPLUG)
 
-    def _let_pass(self, fault: Fault) -> None:
+    def _let_pass(self, fault: faults.Fault) -> None:
         """At free pace, let time jump to the fault's end: a retry there is what waiting is in real time."""
         if self.options.pace == "free":
             self._clock.sleep_until_ns(self._arrival_ns(fault.first + fault.fields))
@@ -292,7 +280,7 @@ class FakeGrabber:
             self._clock.sleep_until_ns(min(self._stream.next_arrival_ns(), deadline_ns))
 
     def _is_stormy(self) -> bool:
-        storm = self._script.at(self._number_now(), Storm)
+        storm = self._script.at(self._number_now(), faults.Storm)
         if storm is not None:
             self._let_pass(storm)
         return storm is not None
@@ -300,19 +288,19 @@ class FakeGrabber:
     def _pause_program(self) -> None:
         """Lets the time pass for which the script does not let the program run."""
         number = self._number_now()
-        if (freeze := self._script.at(number, Freeze)) is not None:
+        if (freeze := self._script.at(number, faults.Freeze)) is not None:
             self._clock.sleep_until_ns(self._arrival_ns(freeze.first + freeze.fields))
-        if (busy := self._script.at(number, Busy)) is not None:
+        if (busy := self._script.at(number, faults.Busy)) is not None:
             late_ns = self._chance.exponential(busy.mean_ms) * 1e6
             self._clock.sleep_until_ns(self._clock.now_ns() + round(late_ns))
 
     def _check_plug(self) -> None:
-        if self._script.at(self._number_now(), Unplug) is not None:
+        if self._script.at(self._number_now(), faults.Unplug) is not None:
             raise DeviceLost("the simulated grabber is gone: the script has unplugged it", _REPLUG)
 
     def _check_stream(self) -> None:
         self._check_plug()
-        if self._script.at(self._number_now(), Fail) is not None:
+        if self._script.at(self._number_now(), faults.Fail) is not None:
             raise StreamFailed("the simulated grabber's stream has failed", "the script says so")
         if self._stage.follow():
             raise StreamFailed(REARRANGED, "the stream begins again with what is on stage now")

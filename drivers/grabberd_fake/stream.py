@@ -27,19 +27,7 @@ from numpy.typing import NDArray
 from grabberd.core.field import Field
 from grabberd.errors import StreamFailed
 from grabberd.instrument.acquisition.device import GrabbedField
-from grabberd_fake.faults import (
-    Bunch,
-    ClockStep,
-    Damage,
-    NoSignal,
-    Recount,
-    Repeat,
-    Script,
-    Shift,
-    Short,
-    Timestamp,
-    Turn,
-)
+from grabberd_fake import faults
 from grabberd_fake.optics import COLUMNS, LINES
 from grabberd_fake.options import FakeOptions
 from grabberd_fake.render import ROWS
@@ -75,7 +63,7 @@ class Stream:
     """
 
     def __init__(
-        self, world: Pictures, script: Script, options: FakeOptions, origin: int, first: int, rows: int
+        self, world: Pictures, script: faults.Script, options: FakeOptions, origin: int, first: int, rows: int
     ) -> None:
         self.rows = rows
         self.origin = origin
@@ -104,7 +92,7 @@ class Stream:
 
     def _newest_arrived(self, now_ns: int) -> int:
         newest = (now_ns - self._arrival_ns) // self._period_ns
-        bunch = self._script.at(newest - self.origin, Bunch)
+        bunch = self._script.at(newest - self.origin, faults.Bunch)
         return newest if bunch is None else self.origin + bunch.first - 1
 
     def _delivers(self, first: int) -> bool:
@@ -118,7 +106,7 @@ class Stream:
     def next_arrival_ns(self) -> int:
         """Time at which the next field or frame is due."""
         field = self._next + self._each - 1
-        bunch = self._script.at(field - self.origin, Bunch)
+        bunch = self._script.at(field - self.origin, faults.Bunch)
         if bunch is not None:
             field = self.origin + bunch.first + bunch.fields
         return field * self._period_ns + self._arrival_ns
@@ -142,8 +130,8 @@ class Stream:
         luma = self._lumas[0]
         self._lumas.rotate(-1)
         self._draw(field, number, luma)
-        damage = "the driver flags an error" if self._script.at(number, Damage) else None
-        parity = (field + len(self._script.before(number, Turn))) % 2
+        damage = "the driver flags an error" if self._script.at(number, faults.Damage) else None
+        parity = (field + len(self._script.before(number, faults.Turn))) % 2
         rows = luma[: self.rows]
         picture = Field.progressive(rows) if self._driver.is_progressive else Field.intact(rows, parity)
         return GrabbedField(picture, self._time_ns(number, stamp_ns), self._sequence(field), damage)
@@ -151,7 +139,7 @@ class Stream:
     def _sequence(self, field: int) -> int | None:
         if self._driver.counts == "nothing":
             return None
-        recounts = self._script.before(field - self.origin, Recount)
+        recounts = self._script.before(field - self.origin, faults.Recount)
         if recounts:
             first, count = self.origin + recounts[-1].first, recounts[-1].count
         else:
@@ -172,26 +160,26 @@ class Stream:
         return self._newest_stamp_ns
 
     def _time_ns(self, number: int, stamp_ns: int) -> int:
-        steps = self._script.before(number, ClockStep)
+        steps = self._script.before(number, faults.ClockStep)
         stamp_ns += sum(round(step.by_s * 1e9) for step in steps)
-        wrong = self._script.at(number, Timestamp)
+        wrong = self._script.at(number, faults.Timestamp)
         return stamp_ns if wrong is None else wrong.time_ns(number, stamp_ns)
 
     def _draw(self, field: int, number: int, luma: NDArray[np.uint8]) -> None:
-        no_signal = self._script.at(number, NoSignal)
+        no_signal = self._script.at(number, faults.NoSignal)
         if no_signal is not None:
             _draw_no_signal(no_signal.picture, random_of(self._seed, field), luma)
             return
-        repeat = self._script.at(number, Repeat)
+        repeat = self._script.at(number, faults.Repeat)
         self._world.origin = self.origin
         self._world.picture(self.origin + repeat.first - 1 if repeat else field, luma)
         self._spoil(field, number, luma)
 
     def _spoil(self, field: int, number: int, luma: NDArray[np.uint8]) -> None:
-        stale = self._script.at(number, Short) or self._script.at(number, Damage)
+        stale = self._script.at(number, faults.Short) or self._script.at(number, faults.Damage)
         if stale is not None:
             luma[stale.row :] = self._lumas[-2][stale.row :]  # as the buffer before was handed over
-        shift = self._script.at(number, Shift)
+        shift = self._script.at(number, faults.Shift)
         if shift is not None:
             luma[shift.row :] = np.roll(luma[shift.row :], shift.shift_px)
 

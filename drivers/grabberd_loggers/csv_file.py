@@ -8,8 +8,8 @@ from pathlib import Path
 from pydantic import Field
 
 from grabberd.bounded_documents import MARKS, encoding_of
-from grabberd.clock import Clock
 from grabberd.errors import Cause, DeviceAbsent, DeviceLost, DeviceRefused, StreamFailed
+from grabberd.runtime import Clock
 from grabberd_loggers.line_logger import LineLogger, Opened, Received
 from grabberd_loggers.lines import head_of
 from grabberd_loggers.options import LineOptions

@@ -5,14 +5,7 @@ import re
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 
-from grabberd.instrument.acquisition.device import (
-    SYSTEM,
-    FoundDevice,
-    Roots,
-    Verdict,
-    attribute,
-    by_number,
-)
+from grabberd.instrument.acquisition.device import SYSTEM, FoundDevice, Roots, Verdict, attribute, by_number
 from grabberd_loggers.iio.tree import IioDevice, iio_devices
 
 _PORT = re.compile(r"^tty(USB|ACM|AMA|S|XRUSB|O|mxc)\d+$")

@@ -2,9 +2,9 @@
 
 from typing import Any, ClassVar, NamedTuple, Protocol
 
-from grabberd.clock import Clock, SystemClock
 from grabberd.core.channels import Anomaly, Dating, LoggerInfo, Readings
 from grabberd.errors import DeviceLost, DeviceRefused, StreamFailed
+from grabberd.runtime import Clock, SystemClock
 from grabberd_loggers.lines import LineBuffer, LineReadings, Refused
 from grabberd_loggers.options import LineOptions, read_options
 

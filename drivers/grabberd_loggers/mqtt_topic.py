@@ -13,8 +13,8 @@ from typing import Any, Self
 from pydantic import Field, model_validator
 
 from grabberd.bounded_documents import DEEPEST
-from grabberd.clock import Clock
 from grabberd.errors import Cause, DeviceAbsent, DeviceLost, DeviceRefused, StreamFailed, count_of
+from grabberd.runtime import Clock
 from grabberd.tables import Column, number_of
 from grabberd_loggers.line_logger import LineLogger, Opened, Received
 from grabberd_loggers.lines import ABSENT, IGNORED, LONGEST, OTHER_CELLS, Refused, printable

@@ -16,8 +16,8 @@ from typing import Any, Literal
 
 from pydantic import Field
 
-from grabberd.clock import Clock
 from grabberd.errors import Cause, DeviceAbsent, DeviceLost, DeviceRefused, StreamFailed
+from grabberd.runtime import Clock
 from grabberd_loggers.line_logger import LineLogger, Opened, Received
 from grabberd_loggers.options import LineOptions, Options
 

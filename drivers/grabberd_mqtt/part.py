@@ -91,10 +91,7 @@ def _publisher(service: Service, config: Config, mqtt: MqttConfig) -> "Publisher
 
 def _announcements(config: Config, topics: "Topics", store: StateStore) -> "Announcements":
     """Prepares what Home Assistant needs to discover the devices; nothing unless it is to."""
-    from grabberd_mqtt.home_assistant import (  # noqa: PLC0415
-        Announcements,
-        discovery,
-    )
+    from grabberd_mqtt.home_assistant import Announcements, discovery  # noqa: PLC0415
     from grabberd_mqtt.messages import LAST_CAPTURE  # noqa: PLC0415
 
     if config.mqtt is None or not config.mqtt.home_assistant:
@@ -114,10 +111,7 @@ def _problems(config: Config) -> list[tuple[str, str | None]]:
     missing = importlib.util.find_spec("aiomqtt") is None
     error = ExtraMissing("mqtt", "mqtt")
     return [
-        (
-            "site.barn",
-            None if named else "mqtt needs it: barns without a name would share their topics",
-        ),
+        ("site.barn", None if named else "mqtt needs it: barns without a name would share their topics"),
         ("mqtt", f"{error.message}; {error.hint}" if missing else None),
         ("mqtt.tls", None if missing else _tls_problem(config)),
     ]

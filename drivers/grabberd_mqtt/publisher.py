@@ -18,12 +18,12 @@ from grabberd.archive.capture.reader import CaptureReader
 from grabberd.archive.capture.schema import SUFFIX
 from grabberd.archive.catalogue.archive import Archive
 from grabberd.archive.state.state_database import Outbox
-from grabberd.clock import UtcClock, iso_utc
 from grabberd.core.field import PAL_HZ
 from grabberd.documents.document import JsonObject
 from grabberd.documents.mqtt import OnlineMessage
 from grabberd.documents.state import MqttDocument, StateDocument
 from grabberd.errors import CaptureFileError, GrabberdError, NotFound, NotReady, StorageError
+from grabberd.runtime import UtcClock, iso_utc
 from grabberd_mqtt.broker import Broker, Connection
 from grabberd_mqtt.home_assistant import Announcements
 from grabberd_mqtt.messages import (

@@ -8,7 +8,6 @@ from typing import Any
 
 from grabberd.archive.capture.reader import CaptureReader
 from grabberd.archive.capture.rows import RecordedField
-from grabberd.clock import Clock, SystemClock
 from grabberd.core.field import FieldOrder, unpack
 from grabberd.core.ledger import Outcome
 from grabberd.errors import (
@@ -21,6 +20,7 @@ from grabberd.errors import (
     StreamEnded,
 )
 from grabberd.instrument.acquisition import GrabbedField, Signal, StreamInfo
+from grabberd.runtime import Clock, SystemClock
 from grabberd_replay.folder import FolderSource
 from grabberd_replay.footage import FootageRecording, Options
 from grabberd_replay.recording import MANIFEST, Batch, Format, ManifestRecording, Recording

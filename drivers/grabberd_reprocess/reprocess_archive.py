@@ -22,7 +22,7 @@ from grabberd.core.geometry import Calibration
 from grabberd.core.reconstruction import ObjectModel
 from grabberd.documents.document import JsonObject
 from grabberd.errors import CaptureFileError, Conflict, GrabberdError, InputError, NotReady, StorageError
-from grabberd.files.documents import read_documents
+from grabberd.files.reading import read_documents
 from grabberd_reprocess.reprocess_capture import CaptureTask, Recipe, TaskResult, reprocess_capture
 from grabberd_reprocess.workers import TaskPool, Workers
 
@@ -75,8 +75,7 @@ def find_captures(sources: Iterable[str]) -> Found:
     if not captures:
         also = f"; {left_out[0].capture.name} is skipped: it {left_out[0].reason}" if left_out else ""
         raise InputError(
-            f"no sealed captures in {', '.join(sources)}{also}",
-            f"name folders, or files ending in {SUFFIX}",
+            f"no sealed captures in {', '.join(sources)}{also}", f"name folders, or files ending in {SUFFIX}"
         )
     return Found(captures, left_out)
 
@@ -341,9 +340,7 @@ class _Tally:
 
     def __init__(self, selection: Selection, on_progress: OnProgress) -> None:
         self.summary = ReprocessSummary(
-            unchanged=selection.unchanged,
-            refused=list(selection.refused),
-            left_out=list(selection.left_out),
+            unchanged=selection.unchanged, refused=list(selection.refused), left_out=list(selection.left_out)
         )
         self._on_progress = on_progress
         self._began_s = time.monotonic()

@@ -43,9 +43,7 @@ _RIGHTS = _Meaning(
     "restart the service",
 )
 _HUNG = _Meaning(
-    None,
-    "does not respond properly",
-    "grabberd retries; if this persists, unplug it and plug it in again",
+    None, "does not respond properly", "grabberd retries; if this persists, unplug it and plug it in again"
 )
 _NO_BANDWIDTH = _Meaning(
     Cause.NO_BANDWIDTH,
@@ -71,9 +69,7 @@ _MEANINGS = {
     # Returned by stk1160 where the bus has refused the setting with large packets.
     errno.EMSGSIZE: _NO_BANDWIDTH,
     errno.ENOMEM: _Meaning(
-        Cause.DEVICE_REFUSED,
-        "gets no memory for its buffers",
-        "reduce the option 'buffers'; 8 are enough",
+        Cause.DEVICE_REFUSED, "gets no memory for its buffers", "reduce the option 'buffers'; 8 are enough"
     ),
     # Returned by a USB dongle with hung firmware; a reset of its port often revives it.
     errno.EIO: _HUNG,

@@ -5,9 +5,9 @@ from collections import Counter
 from typing import Literal
 
 from grabberd import runtime
-from grabberd.clock import SystemClock, UtcClock, iso_utc
 from grabberd.documents.devices import FaultDocument
 from grabberd.errors import Cause
+from grabberd.runtime import SystemClock, UtcClock, iso_utc
 
 log = logging.getLogger(__name__)
 

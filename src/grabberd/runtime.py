@@ -3,10 +3,12 @@
 In use it is the computer: the factories return the standard library's own objects, and a lock costs what a
 lock costs. A test installs another runtime, in which one thread runs at a time, time is simulated and a
 commit may be the last; see docs/decisions/house.md. Whoever belongs to the daemon takes all of this from
-here; ruff refuses the modules themselves.
+here; ruff refuses the modules themselves. Clocks are injected into drivers, threads and the service, so that
+a test of one of them can control time alone.
 """
 
 import os
+import pathlib
 import queue
 import selectors
 import sqlite3
@@ -16,13 +18,18 @@ import time
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import Executor, ThreadPoolExecutor
 from contextlib import AbstractContextManager, contextmanager
-from datetime import UTC, datetime
-from typing import IO, Any, Protocol, TypeVar
+from dataclasses import dataclass
+from datetime import UTC, datetime, timedelta
+from functools import cache
+from typing import IO, Any, Protocol, Self, TypeVar
 
 T = TypeVar("T")
 Empty = queue.Empty
 ChildProcess = subprocess.Popen[bytes]
 Path = str | os.PathLike[str]
+BOOT_ID_FILE = pathlib.Path("/proc/sys/kernel/random/boot_id")
+BOOT_ID_VARIABLE = "GRABBERD_BOOT_ID"
+"""Set by the systemd unit, whose sandbox hides the file."""
 
 
 class Lock(AbstractContextManager[bool], Protocol):
@@ -298,3 +305,111 @@ def replace(old: Path, new: Path) -> None:
 def link(old: Path, new: Path) -> None:
     """Gives a file a further name."""
     _installed.link(old, new)
+
+
+class Clock(Protocol):
+    """A monotonic clock that can be waited on."""
+
+    def now_ns(self) -> int:
+        """CLOCK_MONOTONIC, nanoseconds."""
+        ...
+
+    def sleep(self, seconds: float) -> None:
+        """Return after that much time of this clock."""
+        ...
+
+
+class UtcClock(Protocol):
+    """A monotonic clock that knows the time of day, too."""
+
+    def now_ns(self) -> int:
+        """CLOCK_MONOTONIC, nanoseconds."""
+        ...
+
+    def utc_now(self) -> datetime:
+        """Coordinated universal time."""
+        ...
+
+
+class SystemClock:
+    """The computer's own clocks."""
+
+    def now_ns(self) -> int:
+        """CLOCK_MONOTONIC, nanoseconds."""
+        return monotonic_ns()
+
+    def sleep(self, seconds: float) -> None:
+        """Sleep; return at once for zero or less."""
+        if seconds > 0:
+            sleep(seconds)
+
+    def utc_now(self) -> datetime:
+        """Coordinated universal time."""
+        return utc_now()
+
+
+@dataclass(frozen=True, slots=True)
+class Moment:
+    """One moment by both clocks.
+
+    Attributes:
+        ns: CLOCK_MONOTONIC, nanoseconds.
+        utc: ISO 8601.
+    """
+
+    ns: int
+    utc: str
+
+    @classmethod
+    def now(cls, clock: UtcClock) -> Self:
+        """The present moment."""
+        return cls(clock.now_ns(), iso_utc(clock.utc_now()))
+
+
+@dataclass(frozen=True, slots=True)
+class Now:
+    """The present moment by both clocks, and the start of the computer that its monotonic clock counts from.
+
+    Attributes:
+        ns: CLOCK_MONOTONIC, nanoseconds.
+        utc: Time of day.
+        boot_id: Id of the kernel's start; empty if it is unknown.
+    """
+
+    ns: int
+    utc: datetime
+    boot_id: str
+
+    @classmethod
+    def by_the_system(cls) -> Self:
+        """The present moment by the computer's own clocks."""
+        clock = SystemClock()
+        return cls(clock.now_ns(), clock.utc_now(), boot_id())
+
+
+@cache
+def boot_id() -> str:
+    """The kernel's id of this start of the computer, 32 hexadecimal digits; empty if it is unknown.
+
+    Times of CLOCK_MONOTONIC can be compared only within one start.
+    """
+    try:
+        given = BOOT_ID_FILE.read_text(encoding="ascii")
+    except (OSError, ValueError):
+        given = os.environ.get(BOOT_ID_VARIABLE, "")
+    return given.strip().replace("-", "")
+
+
+def iso_utc(moment: datetime) -> str:
+    """A moment as ISO 8601 with milliseconds and Z."""
+    return moment.astimezone(UTC).isoformat(timespec="milliseconds").replace("+00:00", "Z")
+
+
+def utc_of(clock: UtcClock, time_ns: int) -> datetime:
+    """The time of day of a moment of CLOCK_MONOTONIC."""
+    return clock.utc_now() - timedelta(microseconds=(clock.now_ns() - time_ns) // 1000)
+
+
+def utc_us(clock: UtcClock, time_ns: int) -> int:
+    """The same in µs since 1970."""
+    return (utc_of(clock, time_ns) - datetime(1970, 1, 1, tzinfo=UTC)) // timedelta(microseconds=1)

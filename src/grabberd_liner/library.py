@@ -12,7 +12,7 @@ from grabberd.archive.input_files import read_table_text
 from grabberd.core.arrays import Array
 from grabberd.errors import InputError
 from grabberd.files.disk import results_folder
-from grabberd.files.documents import PathLike, document_of
+from grabberd.files.reading import PathLike, document_of
 from grabberd.library import capture
 from grabberd.library.calibrations import Progress
 from grabberd.library.tables import Table

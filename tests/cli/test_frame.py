@@ -12,7 +12,7 @@ from grabberd.archive.calibrations.calibration_catalog import calibration_frame_
 from grabberd.cli.app import app
 from grabberd.core.reconstruction import ObjectModel
 from grabberd.errors import GrabberdError, InputError, StorageError
-from grabberd.files.documents import read_yaml
+from grabberd.files.reading import read_yaml
 
 SIZE = ("--rows", 12, "--columns", 9, "--pitch-mm", 6.5)
 

@@ -13,7 +13,7 @@ from grabberd.cli.app import app
 from grabberd.core.field import PROGRESSIVE
 from grabberd.core.reconstruction import ObjectModel
 from grabberd.documents.document import JobProblem
-from grabberd.files.documents import read_yaml
+from grabberd.files.reading import read_yaml
 from grabberd.library.jobs.calibration_frame import identify_file
 
 CAMERAS = {"1920x1080": Picture(1920, 1080, 0.0031), "640x480": Picture(640, 480, 0.0160)}

@@ -14,7 +14,7 @@ from grabberd.archive.catalogue.capture_documents import describe
 from grabberd.cli.app import app
 from grabberd.core.reconstruction import ObjectModel
 from grabberd.documents.captures import CaptureDocument
-from grabberd.files.documents import read_yaml
+from grabberd.files.reading import read_yaml
 
 CAMERA = Picture(640, 480, 0.0160)
 SECONDS, STROKE_MM, SWINGS_HZ = 0.5, 2.5, 2.0

@@ -6,7 +6,7 @@ from contextvars import copy_context
 import pytest
 
 from grabberd.errors import ReadingGivenUp
-from grabberd.files.patience import CURRENT, Patience, check_patience, within
+from grabberd.files.reading import CURRENT, Patience, check_patience, within
 
 
 class Time:

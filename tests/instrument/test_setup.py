@@ -16,7 +16,7 @@ from grabberd.archive.measure_setups import (
 from grabberd.config import DeviceConfig, RigConfig, TargetsConfig, shipped_configs
 from grabberd.core.measurement import LocationSettings
 from grabberd.errors import InputError
-from grabberd.files.documents import read_documents, read_yaml
+from grabberd.files.reading import read_documents, read_yaml
 
 OBJECT = shipped_configs() / "objects" / "liner.yaml"
 CALIBRATION = shipped_configs() / "fake.calibration.json"

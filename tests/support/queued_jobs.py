@@ -11,10 +11,10 @@ from typing import ClassVar, NamedTuple
 from slots import ManualClock
 
 from grabberd.archive.state.job_store import JobStore
-from grabberd.clock import UtcClock
 from grabberd.documents.jobs import JobDocument, MeasurementResult
 from grabberd.errors import InputError
 from grabberd.fault_board import FaultBoard
+from grabberd.runtime import UtcClock
 from grabberd.server.daemon.jobs import KINDS
 from grabberd.work.job_queue import JobQueue
 from grabberd.work.job_rows import Kinds

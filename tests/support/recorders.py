@@ -5,9 +5,8 @@ from collections.abc import Callable
 from slots import STREAM, ManualClock, Source
 
 from grabberd.core.ledger import Slot
-from grabberd.instrument.acquisition import Ring, RingReader, StreamInfo
-from grabberd.instrument.capture.begin import Begin
-from grabberd.instrument.capture.recorder import Backlog, Recorder
+from grabberd.instrument.acquisition import Backlog, Ring, RingReader, StreamInfo
+from grabberd.instrument.capture.recorder import Begin, Recorder
 
 
 def recorder(

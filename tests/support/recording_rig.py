@@ -10,9 +10,9 @@ from grabberd.archive.capture.reader import CaptureReader
 from grabberd.archive.capture.writer import CaptureWriter
 from grabberd.archive.catalogue.disk_guard import DiskGuard
 from grabberd.core.ledger import Slot
-from grabberd.instrument.acquisition import Ring
+from grabberd.instrument.acquisition import Backlog, Ring
 from grabberd.instrument.capture.capture_request import CaptureRequest, NewCapture
-from grabberd.instrument.capture.recorder import Backlog, Recorder
+from grabberd.instrument.capture.recorder import Recorder
 from grabberd.instrument.capture.recording import Recording
 from grabberd.instrument.channels.feed import ChannelRecording
 

@@ -8,10 +8,10 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any, TypeVar
 
-from grabberd.clock import SystemClock
 from grabberd.config import Config, default_config_file, load_config
 from grabberd.instrument.capture.recording import Recording
 from grabberd.instrument.setup import set_up
+from grabberd.runtime import SystemClock
 from grabberd.server.daemon.service import Service
 from grabberd_fake import FakeGrabber
 

@@ -25,7 +25,7 @@ from grabberd.errors import (
     ReadingGivenUp,
     StorageError,
 )
-from grabberd.files.patience import check_patience
+from grabberd.files.reading import check_patience
 from grabberd.work.child import PIECE_BYTES, Child
 from grabberd.work.frames import HEAD, NUMBER, Answer, Call, Frame, Question, packed_error, unpacked_error
 

@@ -12,7 +12,7 @@ from typing import Any
 import pytest
 
 from grabberd.errors import InputError, ReadingGivenUp, StorageError
-from grabberd.files.patience import Patience, within
+from grabberd.files.reading import Patience, within
 from grabberd.work.child import Limits
 from grabberd.work.process import LONGEST_S, NoAnswer, Process, Processes, ask_each
 

@@ -5,10 +5,10 @@ from typing import Any
 
 from pydantic import Field
 
-from grabberd.clock import Clock, SystemClock
 from grabberd.core.channels import LoggerInfo, Readings
 from grabberd.errors import Cause, DeviceAbsent, DeviceLost, DeviceRefused
 from grabberd.instrument.acquisition.device import SYSTEM, Roots
+from grabberd.runtime import Clock, SystemClock
 from grabberd_loggers.iio.readers import BufferedChannels, PolledChannels
 from grabberd_loggers.iio.tree import IioChannel, IioDevice, iio_devices
 from grabberd_loggers.options import Options, read_options

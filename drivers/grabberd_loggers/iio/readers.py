@@ -16,10 +16,10 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from grabberd.clock import Clock
 from grabberd.core.channels import Anomaly, Dating, MissingReadings, Readings
 from grabberd.errors import DeviceLost, DeviceRefused, StreamFailed, count_of
 from grabberd.instrument.acquisition.device import attribute
+from grabberd.runtime import Clock
 from grabberd.tables import LARGEST_NUMBER
 from grabberd_loggers.iio.tree import IioChannel, IioDevice, number
 

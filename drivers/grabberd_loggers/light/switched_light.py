@@ -10,9 +10,9 @@ from typing import Any, ClassVar, NamedTuple, Protocol
 
 import numpy as np
 
-from grabberd.clock import Clock, SystemClock
 from grabberd.core.channels import Anomaly, Dating, LoggerInfo, Readings
 from grabberd.errors import DeviceLost, DeviceRefused
+from grabberd.runtime import Clock, SystemClock
 from grabberd_loggers.options import Options, read_options
 
 BIT_NS = 92_361_000

@@ -1,7 +1,6 @@
 """The documented path of what drivers are written against."""
 
 from grabberd.archive.measure_setups import INSTALLED_LOCATORS
-from grabberd.clock import Clock, SystemClock
 from grabberd.core.field import NTSC_HZ, PAL_HZ, FieldOrder, standard_rate_hz
 from grabberd.core.ledger import (
     UNCERTAIN,
@@ -35,6 +34,7 @@ from grabberd.instrument.acquisition import (
     Verdict,
     discover,
 )
+from grabberd.runtime import Clock, SystemClock
 
 __all__ = [
     "GRABBERS",

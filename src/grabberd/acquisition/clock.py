@@ -1,6 +1,6 @@
 """The documented path of the clocks."""
 
-from grabberd.clock import (
+from grabberd.runtime import (
     BOOT_ID_FILE,
     BOOT_ID_VARIABLE,
     Clock,

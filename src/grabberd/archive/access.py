@@ -22,10 +22,10 @@ from typing import Generic, Literal, TypeVar
 
 from grabberd import runtime
 from grabberd.archive.state.state_database import GUARDED, Holder, TokenRow, TokenStore
-from grabberd.clock import SystemClock, UtcClock, iso_utc
 from grabberd.documents.enums import Role
 from grabberd.errors import AccessExpired, Conflict, InputError, StorageError
 from grabberd.files.disk import OWNER_ONLY
+from grabberd.runtime import SystemClock, UtcClock, iso_utc
 
 T = TypeVar("T")
 K = TypeVar("K")
@@ -214,10 +214,7 @@ class Access:
     """
 
     def __init__(
-        self,
-        directory: Path,
-        clock: UtcClock | None = None,
-        heal: Callable[[str], None] | None = None,
+        self, directory: Path, clock: UtcClock | None = None, heal: Callable[[str], None] | None = None
     ) -> None:
         self.key = MachineKey(directory)
         self._store = TokenStore(directory / "state.sqlite", heal)

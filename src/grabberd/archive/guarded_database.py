@@ -16,7 +16,7 @@ from typing import Any, NamedTuple
 from grabberd import runtime
 from grabberd.errors import count_of
 from grabberd.files.disk import HeldConnection, connect, hold
-from grabberd.files.patience import is_over
+from grabberd.files.reading import is_over
 
 JOURNAL = "-journal"
 LONGEST_S = 300.0

@@ -119,7 +119,7 @@ def _setup(
 ) -> "MeasureSetup":
     """Calibration, object model and settings from the command line, else from the capture."""
     from grabberd.archive.measure_setups import measure_setup, settings_of_capture  # noqa: PLC0415
-    from grabberd.files.documents import read_documents  # noqa: PLC0415
+    from grabberd.files.reading import read_documents  # noqa: PLC0415
 
     stored = reader.runs[-1].made_with if reader.runs else {}
     named = read_documents(calibration, object_model or _configured(reader, stored))

@@ -23,7 +23,7 @@ def backup(
     Example: grabberd backup --config /etc/grabberd/grabberd.yaml --out barn-2026-03-01.zip
     """
     from grabberd.archive.state.backup import back_up  # noqa: PLC0415
-    from grabberd.clock import iso_utc  # noqa: PLC0415
+    from grabberd.runtime import iso_utc  # noqa: PLC0415
 
     info = back_up(load(config).state_directory, out, iso_utc(datetime.now(UTC)), __version__)
     words = f"{out}: state and {count_of(info.calibrations, 'calibration')}"

@@ -204,7 +204,7 @@ def _calibrated(
     previous: Path | None,
 ) -> "Calibration":
     from grabberd.archive.input_files import read_identifications  # noqa: PLC0415
-    from grabberd.files.documents import read_documents, read_yaml  # noqa: PLC0415
+    from grabberd.files.reading import read_documents, read_yaml  # noqa: PLC0415
     from grabberd.library.calibrations import Calibration  # noqa: PLC0415
     from grabberd.library.jobs.calibration import calibrate_files  # noqa: PLC0415
 

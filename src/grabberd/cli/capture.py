@@ -8,29 +8,10 @@ from typing import Annotated, Any
 
 import typer
 
-from grabberd.cli.options import (
-    DEFAULT_URL,
-    VERDICTS,
-    ConfigOption,
-    DriverOption,
-    JsonOption,
-    TokenFileOption,
-    UrlOption,
-    check_absent,
-    check_folder,
-    daemon_url,
-    driver_options,
-    group_file,
-    labels_of,
-    load,
-    out_file,
-    print_json,
-    print_result,
-    warn,
-)
+from grabberd.cli import options
 from grabberd.errors import said
 
-OutOption = Annotated[Path, out_file("the capture, NAME.grab")]
+OutOption = Annotated[Path, options.out_file("the capture, NAME.grab")]
 DeviceOption = Annotated[
     str | None, typer.Option(help="A configured device, or replay:PATH to play back a recording instead.")
 ]
@@ -74,9 +55,9 @@ ThroughOption = Annotated[
 
 def capture(  # noqa: PLR0913, PLR0917 - a command has as many parameters as it has options
     out: OutOption,
-    config: ConfigOption = None,
+    config: options.ConfigOption = None,
     device: DeviceOption = None,
-    option: DriverOption = None,
+    option: options.DriverOption = None,
     fields: FieldsOption = None,
     duration: DurationOption = None,
     bits: BitsOption = None,
@@ -88,8 +69,8 @@ def capture(  # noqa: PLR0913, PLR0917 - a command has as many parameters as it 
     pre_trigger: PreTriggerOption = 0,
     group_devices: GroupOption = None,
     url: ThroughOption = None,
-    token_file: TokenFileOption = None,
-    json: JsonOption = False,
+    token_file: options.TokenFileOption = None,
+    json: options.JsonOption = False,
 ) -> None:
     """Record and measure fields into one file; Ctrl-C ends the capture.
 
@@ -105,24 +86,26 @@ def capture(  # noqa: PLR0913, PLR0917 - a command has as many parameters as it 
     Example: grabberd capture --together left,right --duration-s 60 --out 112.grab
     """
     picture = {"bits": bits, "lines": lines, "pre_trigger_fields": pre_trigger}
-    kept = {"on_interruption": on_interruption, "note": note, "labels": labels_of(label or [])}
+    kept = {"on_interruption": on_interruption, "note": note, "labels": options.labels_of(label or [])}
     request = validated({**_length(fields, duration, armed=armed), **picture, **kept})
-    check_folder(out)
+    options.check_folder(out)
     if group_devices and device is not None:
         raise typer.BadParameter("give either --device or --together, not both")
     if not group_devices:
-        check_absent(out)
+        options.check_absent(out)
     if option and (group_devices or url or armed):
         raise typer.BadParameter("--option is for a device that no daemon holds")
     if group_devices or url or armed:
-        daemon = (daemon_url(url, config), token_file)
+        daemon = (options.daemon_url(url, config), token_file)
         document = _capture_through(daemon, group_devices, device, request, out)
     else:
         from grabberd.cli.direct_capture import capture_directly  # noqa: PLC0415
 
-        document = capture_directly(load(config), config, device, request, out, driver_options(option))
+        document = capture_directly(
+            options.load(config), config, device, request, out, options.driver_options(option)
+        )
     if json:
-        print_json(document)
+        options.print_json(document)
     else:
         _summarise(document, out)
 
@@ -171,16 +154,16 @@ def _capture_through(
 def _summarise(document: dict[str, Any], out: Path) -> None:
     """Print a line for each file: of a single capture, or of every capture of a group."""
     for one in document.get("captures", [document]):
-        file = group_file(out, one["device"]) if "captures" in document else out
+        file = options.group_file(out, one["device"]) if "captures" in document else out
         words = one["ledger"]["in_words"]
         if one["ended_because"] != "length reached":
             words += f"; {one['ended_because']}"
         typer.echo(f"{file}: {one['fields']} fields, {words}")
         if (coverage := one.get("coverage")) is not None:
-            typer.echo(f"{VERDICTS[coverage['verdict']]}: {coverage['in_words']}")
+            typer.echo(f"{options.VERDICTS[coverage['verdict']]}: {coverage['in_words']}")
         if (channels := one.get("channels")) is not None:
             typer.echo(f"{', '.join(channels['names'])}: {channels['in_words']}")
-        warn(f"{file}: {warning}" for warning in _warnings(one))
+        options.warn(f"{file}: {warning}" for warning in _warnings(one))
 
 
 def _warnings(document: dict[str, Any]) -> list[str]:
@@ -197,9 +180,9 @@ def trigger(
         str | None, typer.Argument(help="Id of the armed capture; not needed if there is only one.")
     ] = None,
     device: Annotated[str | None, typer.Option(help="Only captures of this device.")] = None,
-    url: UrlOption = DEFAULT_URL,
-    token_file: TokenFileOption = None,
-    json: JsonOption = False,
+    url: options.UrlOption = options.DEFAULT_URL,
+    token_file: options.TokenFileOption = None,
+    json: options.JsonOption = False,
 ) -> None:
     """Trigger the armed capture, which then records, including its pre-trigger fields.
 
@@ -213,4 +196,4 @@ def trigger(
     daemon = Daemon(url, token_file)
     document = captures.trigger(daemon, capture or captures.armed_capture(daemon, device))
     words = f"{document['id']}: {document['state']}, triggered {document['trigger_utc']}"
-    print_result(document, words, as_json=json)
+    options.print_result(document, words, as_json=json)

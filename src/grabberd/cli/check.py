@@ -62,7 +62,7 @@ def check(
 
 
 def _frame(path: Path | None) -> dict[str, Any] | None:
-    from grabberd.files.documents import read_yaml  # noqa: PLC0415
+    from grabberd.files.reading import read_yaml  # noqa: PLC0415
 
     return None if path is None else read_yaml(path)
 
@@ -71,7 +71,7 @@ def _of_file(
     capture: Path, calibration: Path | None, frame: dict[str, Any] | None, *, in_place: bool
 ) -> dict[str, Any]:
     from grabberd.archive.calibrations.calibration_catalog import calibration_frame_document  # noqa: PLC0415
-    from grabberd.files.documents import read_documents  # noqa: PLC0415
+    from grabberd.files.reading import read_documents  # noqa: PLC0415
     from grabberd.library.jobs.calibration_frame import check_file  # noqa: PLC0415
 
     with progress_bar("checking") as progress:

@@ -11,7 +11,7 @@ from grabberd.cli.options import check_absent, end_as_ctrl_c_does, group_file, w
 from grabberd.cli.terminal import progress_console
 from grabberd.client.daemon import CAPTURES, POLL_S, UNENDED, Daemon
 from grabberd.errors import CaptureFileError, Conflict, count_of
-from grabberd.files.documents import JsonObject
+from grabberd.files.reading import JsonObject
 
 GROUPS = "/api/v1/capture-groups"
 

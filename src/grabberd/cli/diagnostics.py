@@ -8,16 +8,7 @@ from urllib.parse import urlsplit
 
 import typer
 
-from grabberd.cli.options import (
-    ConfigOption,
-    ConfiguredUrlOption,
-    TokenFileOption,
-    check_absent,
-    daemon_url,
-    load,
-    out_file,
-    warn,
-)
+from grabberd.cli import options
 from grabberd.errors import GrabberdError, NotReady
 
 HINT = (
@@ -28,13 +19,13 @@ LOOPBACK = ("localhost", "127.0.0.1", "::1")
 
 
 def diagnostics(
-    out: Annotated[Path, out_file("a ZIP file")],
+    out: Annotated[Path, options.out_file("a ZIP file")],
     words: Annotated[
         bool, typer.Option("--words", help="Include labels, notes and the name of the site.")
     ] = False,
-    config: ConfigOption = None,
-    url: ConfiguredUrlOption = None,
-    token_file: TokenFileOption = None,
+    config: options.ConfigOption = None,
+    url: options.ConfiguredUrlOption = None,
+    token_file: options.TokenFileOption = None,
 ) -> None:
     """Collect versions, devices, ledgers and log into one file for support; contains no secrets.
 
@@ -50,15 +41,15 @@ def diagnostics(
     from grabberd.files.disk import storage_errors  # noqa: PLC0415
     from grabberd.server.daemon.diagnostics import bundle, machine_parts  # noqa: PLC0415
 
-    check_absent(out)
+    options.check_absent(out)
     try:
-        address = daemon_url(url, config)
+        address = options.daemon_url(url, config)
         key = token_file or _key_of_the_machine(config, address, configured=url is None)
         daemon = Daemon(address, key)
         daemon.download(f"/api/v1/diagnostics?words={str(words).lower()}", out)
     # Support also needs the computer's facts if the daemon does not run, so this is no failure.
     except NotReady as error:
-        warn([f"{error.message}: the file describes this computer, not the daemon"])
+        options.warn([f"{error.message}: the file describes this computer, not the daemon"])
         content = bundle(machine_parts())
         with storage_errors(out):
             out.write_bytes(content)
@@ -83,7 +74,7 @@ def _key_of_the_machine(config: Path | None, url: str, *, configured: bool = Fal
     is_here = host in LOOPBACK or (configured and host is not None and _is_of_this_computer(host))
     if os.environ.get("GRABBERD_TOKEN") or not is_here:
         return None
-    return readable_key(load(config).state_directory)
+    return readable_key(options.load(config).state_directory)
 
 
 def _is_of_this_computer(host: str) -> bool:

@@ -13,7 +13,6 @@ from grabberd.archive.catalogue.capture_documents import describe
 from grabberd.cli.options import end_as_ctrl_c_does, warn, with_device
 from grabberd.cli.serve import SWITCH_INTERVAL_S
 from grabberd.cli.terminal import progress_console
-from grabberd.clock import SystemClock
 from grabberd.config import Config, default_config_file
 from grabberd.documents.enums import DeviceState
 from grabberd.documents.requests import NewCapture
@@ -23,6 +22,7 @@ from grabberd.instrument.channels.logger_setup import set_up_loggers
 from grabberd.instrument.channels.loggers import Loggers
 from grabberd.instrument.instrument import Instrument
 from grabberd.instrument.setup import set_up
+from grabberd.runtime import SystemClock
 
 POLL_S = 0.05
 OPEN_TIMEOUT_S, STILL_OPENING_S = 10.0, 50.0

@@ -14,13 +14,13 @@ from rich.text import Text
 
 from grabberd.cli.options import print_json
 from grabberd.cli.terminal import console
-from grabberd.clock import Clock, SystemClock
 from grabberd.config import Config, default_config_file
 from grabberd.core.channels import Anomaly, Dating, Logger, LoggerInfo, Readings
 from grabberd.core.channels.vacuum import Channel, VacuumChannels
 from grabberd.errors import ConfigError, DriverMissing, InputError, Problem
 from grabberd.instrument.acquisition import LOGGERS
 from grabberd.instrument.channels.logger_setup import set_up_loggers
+from grabberd.runtime import Clock, SystemClock
 
 _WAIT_S = 0.2
 _MAIN_OPTIONS = {

@@ -6,18 +6,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 from rich.table import Table
 
-from grabberd.cli.options import (
-    VERDICTS,
-    IncludeDamagedOption,
-    JsonOption,
-    LineJitterOption,
-    check_absent,
-    check_folder,
-    follow_link,
-    given,
-    print_result,
-    warn,
-)
+from grabberd.cli import options
 from grabberd.cli.terminal import console, progress_bar
 
 if TYPE_CHECKING:
@@ -27,20 +16,20 @@ if TYPE_CHECKING:
 ProposeOption = Annotated[
     Path | None,
     typer.Option(
-        help="Write an object file to this path, with misplaced targets moved to where they were measured.",
+        help="Write an object file to this path, with misplaced targets moved to where they were measured."
     ),
 ]
 
 
 def measure(
-    capture: Annotated[Path, typer.Argument(help="Capture file, NAME.grab.", callback=follow_link)],
+    capture: Annotated[Path, typer.Argument(help="Capture file, NAME.grab.", callback=options.follow_link)],
     calibration: Annotated[Path, typer.Option(help="Calibration (JSON).")],
     object_model: Annotated[Path, typer.Option("--object", help="Object model (YAML).")],
     method: Annotated[str | None, typer.Option(help="Location method; default: the capture's.")] = None,
-    line_jitter: LineJitterOption = None,
-    include_damaged: IncludeDamagedOption = False,
+    line_jitter: options.LineJitterOption = None,
+    include_damaged: options.IncludeDamagedOption = False,
     propose_object: ProposeOption = None,
-    json: JsonOption = False,
+    json: options.JsonOption = False,
 ) -> None:
     """Measure a capture with a calibration; the points are added to the file as a new run.
 
@@ -51,27 +40,29 @@ def measure(
     """
     from grabberd.archive.capture.reader import CaptureReader  # noqa: PLC0415
     from grabberd.archive.measure_setups import settings_of_capture  # noqa: PLC0415
-    from grabberd.files.documents import read_documents  # noqa: PLC0415
+    from grabberd.files.reading import read_documents  # noqa: PLC0415
     from grabberd.library.jobs.measurement import measure_file  # noqa: PLC0415
 
     with CaptureReader(capture) as reader:
         settings = settings_of_capture(reader.meta.config)
-    settings |= given(method=method, line_jitter_px=line_jitter, include_damaged=include_damaged or None)
+    settings |= options.given(
+        method=method, line_jitter_px=line_jitter, include_damaged=include_damaged or None
+    )
     made_with = {**read_documents(calibration, object_model), "settings": settings}
     if propose_object is not None:
-        check_folder(propose_object)
-        check_absent(propose_object)
+        options.check_folder(propose_object)
+        options.check_absent(propose_object)
     with progress_bar("measuring") as progress:
         result = measure_file(progress, path=capture, made_with=made_with)
     document = result.model_dump(mode="json")
     if propose_object is not None:
         document["proposal"] = _proposed(capture, made_with, propose_object)
-    warn(f"{capture}: {one}" for one in result.warnings)
+    options.warn(f"{capture}: {one}" for one in result.warnings)
     words = f"run {result.run}, {result.points} points in {result.fields} fields"
     lines = [f"{capture}: {words}"]
     if propose_object is not None:
         lines.append(f"{propose_object}: {document['proposal']['in_words']}")
-    print_result(document, "\n".join(lines), as_json=json)
+    options.print_result(document, "\n".join(lines), as_json=json)
     if not json and result.coverage is not None:
         print_coverage(result.coverage)
 
@@ -98,7 +89,7 @@ SHOWN = 10
 def print_coverage(coverage: "CoverageDocument") -> None:
     """Print the verdict with its findings, then the targets that were missed most."""
     for finding in coverage.findings:
-        typer.echo(f"{VERDICTS[finding.verdict]}: {finding.in_words}")
+        typer.echo(f"{options.VERDICTS[finding.verdict]}: {finding.in_words}")
     missed = [one for one in coverage.targets if one.found < one.expected]
     if missed:
         console.print(_table(sorted(missed, key=_share)[:SHOWN]))

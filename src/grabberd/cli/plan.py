@@ -100,14 +100,14 @@ def plan(  # noqa: PLR0913, PLR0917 - options of a command
 
 def _model(file: Path | None) -> "ObjectModel | None":
     from grabberd.core.reconstruction import ObjectModel  # noqa: PLC0415
-    from grabberd.files.documents import read_documents  # noqa: PLC0415
+    from grabberd.files.reading import read_documents  # noqa: PLC0415
 
     return None if file is None else ObjectModel.from_document(read_documents(None, file)["object"])
 
 
 def _calibrated(file: Path) -> "Rig":
     from grabberd.core.geometry import Calibration, Rig  # noqa: PLC0415
-    from grabberd.files.documents import read_documents  # noqa: PLC0415
+    from grabberd.files.reading import read_documents  # noqa: PLC0415
 
     return Rig.of(Calibration.from_document(read_documents(file, None)["calibration"]))
 

@@ -7,8 +7,7 @@ import typer
 
 def schema(
     name: Annotated[
-        str | None,
-        typer.Argument(help="Kind of file; without it the names are listed.", show_default=False),
+        str | None, typer.Argument(help="Kind of file; without it the names are listed.", show_default=False)
     ] = None,
 ) -> None:
     """Print the JSON Schema of a file format, for editors and other programs.

@@ -37,14 +37,7 @@ def serve(
     from grabberd.instrument.setup import set_up  # noqa: PLC0415
     from grabberd.memory import freeze_loaded, keep_freed_memory  # noqa: PLC0415
     from grabberd.server.api import create_app, serving  # noqa: PLC0415
-    from grabberd.server.api.guard.front import (  # noqa: PLC0415
-        Front,
-        bind,
-        check_private,
-        inherited,
-        is_private,
-        to_open,
-    )
+    from grabberd.server.api.guard.front import Front, bind, check_private, inherited, is_private, to_open  # noqa: PLC0415
     from grabberd.server.daemon.descriptors import affordable_connections, raise_limit  # noqa: PLC0415
     from grabberd.server.daemon.diagnostics import set_up_logging  # noqa: PLC0415
     from grabberd.server.daemon.service import Service  # noqa: PLC0415

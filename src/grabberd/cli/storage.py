@@ -49,11 +49,7 @@ def index(config: ConfigOption = None, json: JsonOption = False) -> None:
 
 
 @commands.command()
-def verify(
-    captures: CapturesArgument = None,
-    config: ConfigOption = None,
-    json: JsonOption = False,
-) -> None:
+def verify(captures: CapturesArgument = None, config: ConfigOption = None, json: JsonOption = False) -> None:
     """Read captures completely and check their digests; exit with 65 if one is damaged.
 
     The daemon does the same once a month, at idle priority; it may be running.
@@ -88,11 +84,7 @@ def verify(
 
 
 @commands.command()
-def convert(
-    captures: CapturesArgument = None,
-    config: ConfigOption = None,
-    json: JsonOption = False,
-) -> None:
+def convert(captures: CapturesArgument = None, config: ConfigOption = None, json: JsonOption = False) -> None:
     """Convert captures from earlier versions to the present, smaller format; exit with 65 if one fails.
 
     Pictures, times and runs stay as they are, points to far below their σ. A capture is replaced when its new

@@ -59,7 +59,7 @@ def list_tokens(config: ConfigOption = None, json: JsonOption = False) -> None:
     if json:
         print_json([row._asdict() for row in rows])
         return
-    from grabberd.clock import SystemClock, iso_utc  # noqa: PLC0415 - loads numpy
+    from grabberd.runtime import SystemClock, iso_utc  # noqa: PLC0415 - loads numpy
 
     now_utc = iso_utc(SystemClock().utc_now())
     table = Table("name", "role", "created", "expires", "sessions")

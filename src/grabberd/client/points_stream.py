@@ -79,8 +79,7 @@ def _received(connection: ClientConnection, daemon: Daemon, patience_s: float) -
         return connection.recv(patience_s)
     except TimeoutError:
         raise NotReady(
-            f"{daemon.url} has measured no field for {patience_s:g} s",
-            "grabberd status says what it lacks",
+            f"{daemon.url} has measured no field for {patience_s:g} s", "grabberd status says what it lacks"
         ) from None
     except ConnectionClosed as error:
         raise NotReady(f"{daemon.url} has ended the stream of points: {error}", "start it again") from None

@@ -31,10 +31,7 @@ class ChannelConfig(Section):
     )
     offset_kpa: float = Field(0.0, allow_inf_nan=False, description="pressure at 0")
     sigma_kpa: float | None = Field(
-        None,
-        gt=0,
-        le=20,
-        description="σ of the calibration, common to all readings; not for light and flow",
+        None, gt=0, le=20, description="σ of the calibration, common to all readings; not for light and flow"
     )
     calibrated: date | None = Field(None, description="day of the calibration; default: never")
     reference: Reference = Field(Reference.VACUUM, description="what the sensor measures relative to")

@@ -285,13 +285,7 @@ def map_level(by_pixel: NDArray[np.uint8]) -> int:
 
 def _packed(field: Field, bits: int, threshold: int | NDArray[np.uint8], level: int) -> PackedField:
     return PackedField(
-        _planes(field.luma, bits, threshold),
-        bits,
-        field.columns,
-        field.parity,
-        field.y0,
-        field.y_step,
-        level,
+        _planes(field.luma, bits, threshold), bits, field.columns, field.parity, field.y0, field.y_step, level
     )
 
 

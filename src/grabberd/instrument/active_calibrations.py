@@ -12,11 +12,11 @@ from grabberd.archive.calibrations.calibration_catalog import (
     failure_of,
 )
 from grabberd.archive.state.state_database import StateStore
-from grabberd.clock import UtcClock, iso_utc
 from grabberd.core.geometry import Calibration
 from grabberd.documents.calibrations import ActiveCalibration, CalibrationRejection, CalibrationRow
 from grabberd.errors import CalibrationMismatch, Conflict, InputError, NotFound, StorageError
 from grabberd.instrument.instrument import Instrument
+from grabberd.runtime import UtcClock, iso_utc
 
 log = logging.getLogger(__name__)
 

@@ -8,12 +8,12 @@ from collections.abc import Callable, Mapping
 
 from grabberd import runtime
 from grabberd.archive.catalogue.archive import Archive
-from grabberd.clock import UtcClock
 from grabberd.errors import CaptureFileError, Cause, GrabberdError, StorageError
 from grabberd.fault_board import FaultBoard
 from grabberd.files.disk import storage_errors
 from grabberd.instrument.capture.recording import Recording
 from grabberd.instrument.instrument import Instrument
+from grabberd.runtime import UtcClock
 
 log = logging.getLogger(__name__)
 

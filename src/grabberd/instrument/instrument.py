@@ -7,7 +7,6 @@ from pathlib import Path
 
 from grabberd.archive.catalogue.disk_guard import DiskGuard
 from grabberd.archive.measure_setups import check_rig
-from grabberd.clock import SystemClock, UtcClock
 from grabberd.config import DeviceConfig
 from grabberd.core.geometry import Calibration
 from grabberd.documents.requests import CaptureRequest
@@ -24,6 +23,7 @@ from grabberd.instrument.device.scheduling import KernelAccount
 from grabberd.instrument.device.status_board import StatusBoard
 from grabberd.instrument.device.worker import FairLock, Worker
 from grabberd.instrument.setup import DeviceSetup
+from grabberd.runtime import SystemClock, UtcClock
 
 
 class Instrument:

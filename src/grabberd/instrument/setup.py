@@ -12,7 +12,7 @@ from grabberd.core.geometry import Calibration
 from grabberd.core.reconstruction import ObjectModel
 from grabberd.documents.document import JsonObject
 from grabberd.errors import ConfigError, DriverMissing, InputError, Problem
-from grabberd.files.documents import read_documents, read_yaml
+from grabberd.files.reading import read_documents, read_yaml
 from grabberd.instrument.acquisition import GRABBERS
 from grabberd.instrument.acquisition.device import Grabber
 

@@ -17,7 +17,7 @@ from grabberd.documents.calibration_reports import CalibrationReport, Calibratio
 from grabberd.documents.requests import CalibrationOptions
 from grabberd.errors import InputError, said
 from grabberd.files.checked_file import write_text
-from grabberd.files.documents import PathLike, document_of, read_documents
+from grabberd.files.reading import PathLike, document_of, read_documents
 from grabberd.library.jobs.calibration import calibrate_files
 from grabberd.memory import one_thread
 

@@ -18,7 +18,7 @@ from grabberd.archive.measure_setups import settings_of_capture
 from grabberd.core.chain.accuracy import Investigation, InvestigationSettings, investigate
 from grabberd.core.ledger import Ledger
 from grabberd.errors import InputError, NotFound, NotReady
-from grabberd.files.documents import PathLike, document_of
+from grabberd.files.reading import PathLike, document_of
 from grabberd.library.calibrations import Calibration, Progress
 from grabberd.library.fields import CapturedField, Fields
 from grabberd.library.jobs.measurement import measure_file

@@ -11,7 +11,7 @@ import grabberd
 from grabberd.client.daemon import CAPTURES, POLL_S, TIMEOUT_S, UNENDED, Daemon
 from grabberd.client.points_stream import StreamedPoints, follow_points
 from grabberd.errors import NotReady
-from grabberd.files.documents import PathLike
+from grabberd.files.reading import PathLike
 
 HERE = "http://127.0.0.1:8050"
 

@@ -22,7 +22,7 @@ from dataclasses import dataclass
 from functools import partial
 from typing import IO, Any, NoReturn
 
-from grabberd.files.patience import Patience, check_patience, given_up, within
+from grabberd.files.reading import Patience, check_patience, given_up, within
 from grabberd.work.frames import HEAD, NUMBER, Answer, Call, Frame, Question, is_fault, packed_error
 
 log = logging.getLogger(__name__)

@@ -6,12 +6,12 @@ from datetime import timedelta
 from typing import Any
 
 from grabberd import runtime
-from grabberd.clock import UtcClock, iso_utc
 from grabberd.documents.document import JobProblem
 from grabberd.documents.enums import JobState
 from grabberd.documents.jobs import JobDocument
 from grabberd.errors import Cause, Conflict, NotFound
 from grabberd.fault_board import FaultBoard
+from grabberd.runtime import UtcClock, iso_utc
 from grabberd.work.job_rows import Entry, JobStore, Kinds, Unanalysed, entry_of, id_of
 from grabberd.work.job_spec import JobSpec
 

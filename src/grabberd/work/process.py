@@ -20,7 +20,7 @@ from typing import Any
 from grabberd import runtime
 from grabberd.errors import StorageError
 from grabberd.files.disk import storage_errors
-from grabberd.files.patience import check_patience
+from grabberd.files.reading import check_patience
 from grabberd.memory import kill_first
 from grabberd.work.child import Limits
 from grabberd.work.frames import HEAD, NUMBER, Answer, Call, Frame, Question, unpacked_error
@@ -226,11 +226,7 @@ class Process:
 
 
 def ask_each(
-    limits: Limits,
-    function: str,
-    paths: Iterable[Path],
-    longest_s: Callable[[Path], float],
-    *arguments: Any,
+    limits: Limits, function: str, paths: Iterable[Path], longest_s: Callable[[Path], float], *arguments: Any
 ) -> Iterator[tuple[Path, Any]]:
     """Each file with a function's answer, in order; None for one that ended the process, or held it up.
 

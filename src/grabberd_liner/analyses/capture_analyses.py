@@ -18,14 +18,14 @@ from grabberd.archive.catalogue.archive import Archive
 from grabberd.archive.state.capture_index import CaptureIndex
 from grabberd.archive.state.index_entries import SEALED_ENTRY, IndexEntry
 from grabberd.archive.state.state_database import Annotation, StateStore
-from grabberd.clock import UtcClock, iso_utc
 from grabberd.config import Config
 from grabberd.documents.captures import CaptureDocument
 from grabberd.documents.document import JobProblem, JsonObject
 from grabberd.documents.jobs import JobDocument
 from grabberd.errors import ConfigError, GrabberdError, NotFound, Problem
-from grabberd.files.documents import read_json
+from grabberd.files.reading import read_json
 from grabberd.instrument.setup import DeviceSetup, set_up
+from grabberd.runtime import UtcClock, iso_utc
 from grabberd.server.daemon.jobs import NOTE as CHECK
 from grabberd.work.job_queue import JobQueue
 from grabberd.work.job_spec import JobSpec

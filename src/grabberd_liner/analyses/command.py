@@ -90,7 +90,7 @@ def analyse(  # noqa: PLR0913, PLR0917 - options of a command
     """
     from grabberd.archive.input_files import read_table_text  # noqa: PLC0415
     from grabberd.files.disk import results_folder  # noqa: PLC0415
-    from grabberd.files.documents import read_yaml  # noqa: PLC0415
+    from grabberd.files.reading import read_yaml  # noqa: PLC0415
     from grabberd_liner.analyses.export import check_formats, write_analysis  # noqa: PLC0415
     from grabberd_liner.analyses.job import AnalysisOptions, analyse_file, with_log  # noqa: PLC0415
 

@@ -269,10 +269,7 @@ class AnalysisRequest(Document):
             "inputs": {
                 "reference": "nominal",
                 "material": {"E_mpa": 3, "wall_mm": 2.5, "poisson": 0.5, "F0_n": 60, "radius_mm": 12.5},
-                "vacuum": {
-                    "pulsation": {"kpa": 0, "sigma_kpa": 0.5},
-                    "liner": {"kpa": 42, "sigma_kpa": 0.5},
-                },
+                "vacuum": {"pulsation": {"kpa": 0, "sigma_kpa": 0.5}, "liner": {"kpa": 42, "sigma_kpa": 0.5}},
                 "plane": "symmetry",
                 "sought_kpa": 1,
             },

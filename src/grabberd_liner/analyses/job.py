@@ -13,12 +13,12 @@ from typing import TYPE_CHECKING, NamedTuple
 from pydantic import Field
 
 from grabberd import __version__
-from grabberd.clock import SystemClock, iso_utc
 from grabberd.core.geometry.document_reader import finite
 from grabberd.documents.document import JsonObject
 from grabberd.documents.requests import CaptureName
 from grabberd.errors import ExtraMissing, InputError
 from grabberd.files.checked_file import write_text
+from grabberd.runtime import SystemClock, iso_utc
 from grabberd.work.job_spec import JobContext, JobSpec, Progress, portion
 from grabberd_liner.analyses.documents import (
     PRESSURE_METHOD,

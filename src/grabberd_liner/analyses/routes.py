@@ -13,16 +13,17 @@ from grabberd.archive.catalogue.capture_list import for_each
 from grabberd.documents.captures import BatchDocument, CaptureSelection
 from grabberd.documents.jobs import JobDocument
 from grabberd.documents.problems import Problem
-from grabberd.server.api.idempotency import TAKES_KEY, OnceRoute
 from grabberd.server.api.readings import reads
 from grabberd.server.api.responses import IMMUTABLE, NOT_MODIFIED, IfNoneMatch, RenderedRoute, tagged
 from grabberd.server.api.routes.dependencies import (
     PROBLEMS,
     REPORT_HEADERS,
+    TAKES_KEY,
     CaptureId,
     Cursor,
     DeviceName,
     Limit,
+    OnceRoute,
     ServiceOf,
     accepted,
     by_number,
@@ -39,13 +40,7 @@ from grabberd_liner.analyses.documents import (
 )
 from grabberd_liner.analyses.job import AnalysisJob
 from grabberd_liner.analyses.preparation import prepare_in_process
-from grabberd_liner.analyses.store import (
-    DOCUMENT,
-    RECORD,
-    pulsation_document,
-    read_map,
-    report_page,
-)
+from grabberd_liner.analyses.store import DOCUMENT, RECORD, pulsation_document, read_map, report_page
 from grabberd_liner.part import liner_of
 
 router = APIRouter(prefix="/captures", tags=["analyses"], responses=PROBLEMS, route_class=OnceRoute)
@@ -130,12 +125,10 @@ def get_analysis_map(
     number: AnalysisNumber,
     service: ServiceOf,
     field: Annotated[
-        int | None,
-        Query(ge=0, le=2**53, description="Number of a field; the phase is then ignored."),
+        int | None, Query(ge=0, le=2**53, description="Number of a field; the phase is then ignored.")
     ] = None,
     phase: Annotated[
-        float,
-        Query(ge=0, le=1, description="Phase of the mean cycle, if no field is given."),
+        float, Query(ge=0, le=1, description="Phase of the mean cycle, if no field is given.")
     ] = 0.0,
     if_none_match: IfNoneMatch = None,
 ) -> Response:

@@ -105,10 +105,7 @@ def single_view(
 
 
 def _images(
-    reader: CaptureReader,
-    fields: Iterable[NumberedField],
-    points: Mapping[int, Points],
-    setup: MeasureSetup,
+    reader: CaptureReader, fields: Iterable[NumberedField], points: Mapping[int, Points], setup: MeasureSetup
 ) -> Iterator[tuple[int, SingleViewImages]]:
     return single_view_images(fields, points, setup, lambda _: reader.marks_before())
 

@@ -121,7 +121,7 @@ def liner_test(  # noqa: PLR0913, PLR0917 - options of a command
 def _stated(inputs: Path | None, vacuum_log: Path | None) -> tuple[dict[str, Any], dict[str, str]]:
     """The inputs that are given, and where each comes from."""
     from grabberd.archive.input_files import read_table_text  # noqa: PLC0415
-    from grabberd.files.documents import read_yaml  # noqa: PLC0415
+    from grabberd.files.reading import read_yaml  # noqa: PLC0415
     from grabberd_liner.analyses.job import with_log  # noqa: PLC0415
 
     stated = read_yaml(inputs) if inputs else {}
@@ -145,7 +145,7 @@ def _request(recipe: "Recipe", words: dict[str, str], duration: float | None) ->
 
 def _new_name(kind: str) -> str:
     """Name of a capture's file, which becomes its id: captures of one name would be one to a study."""
-    from grabberd.clock import SystemClock  # noqa: PLC0415
+    from grabberd.runtime import SystemClock  # noqa: PLC0415
 
     return f"{kind}-{SystemClock().utc_now():%Y%m%dT%H%M%SZ}.grab"
 

@@ -130,17 +130,10 @@ class LinerTests:
         try:
             return _row_of(test_id, self.store.document(test_id))
         except StorageError as error:
-            return LinerTestRow(
-                id=test_id,
-                kind=None,
-                liner=None,
-                captures=[],
-                created_utc=None,
-                verdict=None,
-                quantities=[],
-                offers=False,
-                problem=f"{error.message}; {error.hint}",
-            )
+            nothing = {"captures": [], "quantities": [], "offers": False}
+            unknown = dict.fromkeys(("kind", "liner", "created_utc", "verdict"))
+            problem = f"{error.message}; {error.hint}"
+            return LinerTestRow.model_validate({"id": test_id, **nothing, **unknown, "problem": problem})
 
 
 def _row_of(test_id: str, document: LinerTestDocument) -> LinerTestRow:
@@ -160,8 +153,7 @@ def _check_fit(kind: str, captures: Sequence[CaptureDocument]) -> None:
     """
     if RECIPES[kind].several and len(captures) < 2:
         raise InputError(
-            f"the test {kind} compares captures, and one is named",
-            "name all captures that were taken for it",
+            f"the test {kind} compares captures, and one is named", "name all captures that were taken for it"
         )
     if not RECIPES[kind].several and len(captures) > 1:
         raise InputError(

@@ -7,14 +7,15 @@ from fastapi import APIRouter, Path, Query, Request, Response, status
 
 from grabberd.documents.jobs import JobDocument
 from grabberd.documents.problems import Problem
-from grabberd.server.api.idempotency import TAKES_KEY, OnceRoute
 from grabberd.server.api.readings import reads
 from grabberd.server.api.responses import IMMUTABLE, NOT_MODIFIED, IfNoneMatch, tagged
 from grabberd.server.api.routes.dependencies import (
     PROBLEMS,
     REPORT_HEADERS,
+    TAKES_KEY,
     Cursor,
     Limit,
+    OnceRoute,
     ServiceOf,
     accepted,
     page_of,

@@ -9,11 +9,11 @@ import numpy as np
 
 from grabberd import __version__
 from grabberd.archive.calibrations.calibration_catalog import verdict_of
-from grabberd.clock import SystemClock, iso_utc
 from grabberd.core.geometry.document_reader import finite
 from grabberd.documents.document import JsonObject, assembled
 from grabberd.errors import GrabberdError, InputError
 from grabberd.files.checked_file import write_text
+from grabberd.runtime import SystemClock, iso_utc
 from grabberd.work.job_spec import Progress, portion
 from grabberd_liner.analyses.job import AnalysisOptions, AnalysisOutput, analyse_file, drawn, write_stored
 from grabberd_liner.analyses.source import capture_origin, recorded_channels
@@ -119,9 +119,7 @@ def _curve(one: Curve) -> TestCurve:
 def _offer(offer: Offer, one: Evidence) -> ProfileOffer:
     before = dict(one.liner.content) if one.liner else {}
     return ProfileOffer(
-        profile=dict(offer.content),
-        after=offer.after,
-        changes=changes_in_words(before, offer.content),
+        profile=dict(offer.content), after=offer.after, changes=changes_in_words(before, offer.content)
     )
 
 

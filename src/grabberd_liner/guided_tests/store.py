@@ -11,7 +11,7 @@ from pathlib import Path
 from grabberd import runtime
 from grabberd.errors import NotFound, StorageError
 from grabberd.files.disk import storage_errors, sync_directory
-from grabberd.files.documents import read_json
+from grabberd.files.reading import read_json
 from grabberd_liner.analyses.store import ResultFolders
 from grabberd_liner.guided_tests.documents import LinerTestDocument
 

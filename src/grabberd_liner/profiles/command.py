@@ -7,16 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 import typer
 from rich.table import Table
 
-from grabberd.cli.options import (
-    ConfigOption,
-    JsonOption,
-    TokenFileOption,
-    check_absent,
-    check_folder,
-    out_file,
-    print_json,
-    print_result,
-)
+from grabberd.cli import options
 from grabberd.cli.terminal import console
 from grabberd.errors import GrabberdError, InputError
 
@@ -46,10 +37,10 @@ UrlOption = Annotated[
 def list_profiles(
     kind: Annotated[Kind | None, typer.Argument(help="Only profiles of this kind.")] = None,
     retired: Annotated[bool, typer.Option("--retired", help="Include retired ones.")] = False,
-    config: ConfigOption = None,
+    config: options.ConfigOption = None,
     url: UrlOption = None,
-    token_file: TokenFileOption = None,
-    json: JsonOption = False,
+    token_file: options.TokenFileOption = None,
+    json: options.JsonOption = False,
 ) -> None:
     """List the newest version of each profile.
 
@@ -59,7 +50,7 @@ def list_profiles(
     """
     rows = _access(config, url, token_file).rows(kind, retired)
     if json:
-        print_json(rows)
+        options.print_json(rows)
         return
     table = Table()
     for heading in ("kind", "name", "version", "stored", *(["retired"] if retired else [])):
@@ -79,10 +70,10 @@ def show(
     kind: KindArgument,
     name: NameArgument,
     version: VersionOption = None,
-    config: ConfigOption = None,
+    config: options.ConfigOption = None,
     url: UrlOption = None,
-    token_file: TokenFileOption = None,
-    json: JsonOption = False,
+    token_file: options.TokenFileOption = None,
+    json: options.JsonOption = False,
 ) -> None:
     """Show a profile and the time when this version was stored.
 
@@ -95,16 +86,16 @@ def show(
     newest = "" if document["version"] == document["newest"] else f" of {document['newest']}"
     stored = f"stored {_minute(document['created_utc'])}{retired}"
     head = f"{kind} {name}, version {document['version']}{newest}, {stored}"
-    print_result(document, f"# {head}\n{document['yaml']}".rstrip(), as_json=json)
+    options.print_result(document, f"# {head}\n{document['yaml']}".rstrip(), as_json=json)
 
 
 @commands.command()
 def add(
     file: Annotated[Path, typer.Argument(help="The profile, a YAML file.")],
-    config: ConfigOption = None,
+    config: options.ConfigOption = None,
     url: UrlOption = None,
-    token_file: TokenFileOption = None,
-    json: JsonOption = False,
+    token_file: options.TokenFileOption = None,
+    json: options.JsonOption = False,
 ) -> None:
     """Store a new profile or a new version of an existing one; unchanged content creates no version.
 
@@ -113,7 +104,7 @@ def add(
     Example: grabberd profile add cow-112.yaml --url http://barn.local:8050 --token-file token
     """
     document, is_new = _access(config, url, token_file).put(_read(file))
-    print_result({**document, "is_new": is_new}, _stored(document, is_new), as_json=json)
+    options.print_result({**document, "is_new": is_new}, _stored(document, is_new), as_json=json)
 
 
 @commands.command()
@@ -121,10 +112,10 @@ def export(
     kind: KindArgument,
     name: NameArgument,
     version: VersionOption = None,
-    out: Annotated[Path | None, out_file("the profile (YAML); default: standard output")] = None,
-    config: ConfigOption = None,
+    out: Annotated[Path | None, options.out_file("the profile (YAML); default: standard output")] = None,
+    config: options.ConfigOption = None,
     url: UrlOption = None,
-    token_file: TokenFileOption = None,
+    token_file: options.TokenFileOption = None,
 ) -> None:
     """Write a profile as YAML, to edit and add again, or to copy.
 
@@ -135,8 +126,8 @@ def export(
     from grabberd.files.checked_file import write_text  # noqa: PLC0415
 
     if out is not None:
-        check_absent(out)
-        check_folder(out)
+        options.check_absent(out)
+        options.check_folder(out)
     text = _access(config, url, token_file).get(kind, name, version)["yaml"]
     if out is None:
         typer.echo(text, nl=False)
@@ -151,10 +142,10 @@ def import_profiles(
     examples: Annotated[
         bool, typer.Option("--examples", help="Import the examples that come with the program.")
     ] = False,
-    config: ConfigOption = None,
+    config: options.ConfigOption = None,
     url: UrlOption = None,
-    token_file: TokenFileOption = None,
-    json: JsonOption = False,
+    token_file: options.TokenFileOption = None,
+    json: options.JsonOption = False,
 ) -> None:
     """Store all profiles of a folder, or none if one of them is invalid.
 
@@ -170,17 +161,17 @@ def import_profiles(
     access = _access(config, url, token_file)
     stored = [access.put(document) for document in documents]
     listing = [{**document, "is_new": is_new} for document, is_new in stored]
-    print_result(listing, "\n".join(_stored(*one) for one in stored), as_json=json)
+    options.print_result(listing, "\n".join(_stored(*one) for one in stored), as_json=json)
 
 
 @commands.command()
 def retire(
     kind: KindArgument,
     name: NameArgument,
-    config: ConfigOption = None,
+    config: options.ConfigOption = None,
     url: UrlOption = None,
-    token_file: TokenFileOption = None,
-    json: JsonOption = False,
+    token_file: options.TokenFileOption = None,
+    json: options.JsonOption = False,
 ) -> None:
     """Retire a profile: labels no longer select it, but all its versions stay readable.
 
@@ -190,17 +181,17 @@ def retire(
     """
     document = _access(config, url, token_file).retire(kind, name)
     words = f"{kind} {name} is retired; its {document['newest']} versions stay readable"
-    print_result(document, words, as_json=json)
+    options.print_result(document, words, as_json=json)
 
 
 @commands.command()
 def history(
     kind: KindArgument,
     name: NameArgument,
-    config: ConfigOption = None,
+    config: options.ConfigOption = None,
     url: UrlOption = None,
-    token_file: TokenFileOption = None,
-    json: JsonOption = False,
+    token_file: options.TokenFileOption = None,
+    json: options.JsonOption = False,
 ) -> None:
     """List the versions of a profile, newest first, with what each changed.
 
@@ -215,7 +206,7 @@ def history(
         before, after = (sound.get(number) for number in (row["version"] - 1, row["version"]))
         row["changes"] = changes_in_words(before["profile"], after["profile"]) if before and after else []
     if json:
-        print_json(rows)
+        options.print_json(rows)
         return
     table = Table("version", "stored", "changed")
     for row in rows:

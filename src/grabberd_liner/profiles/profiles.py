@@ -20,10 +20,10 @@ from pydantic import TypeAdapter, ValidationError
 
 from grabberd.archive.state.state_database import StateDatabase
 from grabberd.bounded_documents import as_written, parse_yaml, yaml_text
-from grabberd.clock import SystemClock, UtcClock, iso_utc
 from grabberd.documents.document import JsonObject
 from grabberd.errors import Conflict, InputError, NotFound, StorageError
-from grabberd.files.documents import read_json
+from grabberd.files.reading import read_json
+from grabberd.runtime import SystemClock, UtcClock, iso_utc
 from grabberd.work.process import Processes
 from grabberd_liner.profiles.documents import ProfileContent, ProfileDocument, ProfileRow
 

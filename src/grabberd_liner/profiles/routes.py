@@ -8,11 +8,12 @@ from fastapi import APIRouter, Path, Query, Request, Response, status
 
 from grabberd.documents.document import JsonObject
 from grabberd.errors import InputError
-from grabberd.server.api.idempotency import TAKES_KEY, OnceRoute
 from grabberd.server.api.routes.dependencies import (
     PROBLEMS,
+    TAKES_KEY,
     Cursor,
     Limit,
+    OnceRoute,
     ServiceOf,
     by_number,
     page_of,
@@ -60,12 +61,7 @@ def list_profiles(
     return ProfileList(profiles=page, next=following)
 
 
-@router.post(
-    "",
-    status_code=status.HTTP_201_CREATED,
-    dependencies=[TAKES_KEY],
-    summary="Store a new profile",
-)
+@router.post("", status_code=status.HTTP_201_CREATED, dependencies=[TAKES_KEY], summary="Store a new profile")
 def add_profile(
     new: ProfileRequest, service: ServiceOf, request: Request, response: Response
 ) -> ProfileDocument:
@@ -82,9 +78,7 @@ def get_profile(kind: Kind, name: Name, service: ServiceOf) -> ProfileDocument:
 
 
 @router.put(
-    "/{kind}/{name}",
-    responses={201: {"model": ProfileDocument}},
-    summary="Store a profile's next version",
+    "/{kind}/{name}", responses={201: {"model": ProfileDocument}}, summary="Store a profile's next version"
 )
 def put_profile(
     kind: Kind, name: Name, new: ProfileRequest, service: ServiceOf, request: Request, response: Response

@@ -112,13 +112,7 @@ class Rendering:
         self._write(pictures, {"field": n, "fit": fits, "problems": list(pair.problems)})
 
     def moving_model(
-        self,
-        fields: range,
-        reference: int | None,
-        direction: Direction,
-        colour: str,
-        name: str,
-        per_s: float,
+        self, fields: range, reference: int | None, direction: Direction, colour: str, name: str, per_s: float
     ) -> None:
         """Animate the model; a field without points shows an empty box and a caption."""
         look = self._look(direction)

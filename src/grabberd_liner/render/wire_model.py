@@ -140,12 +140,7 @@ def ticks(low: float, high: float, most: int = 6) -> list[float]:
     return [float(number * step) + 0.0 for number in np.arange(first, last + 1)]
 
 
-SIDES = {
-    "top": (-90.0, 90.0),
-    "side": (-90.0, 0.0),
-    "front": (0.0, 0.0),
-    "oblique": (-60.0, 35.0),
-}
+SIDES = {"top": (-90.0, 90.0), "side": (-90.0, 0.0), "front": (0.0, 0.0), "oblique": (-60.0, 35.0)}
 """Azimuth and elevation, in degrees, of named viewpoints; the cameras look from the top."""
 
 AXES = ("x mm", "y mm", "z mm")

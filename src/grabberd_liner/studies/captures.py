@@ -22,14 +22,8 @@ from grabberd.archive.state.state_keeper import STATE
 from grabberd.bounded_documents import LARGEST_TABLE, read_bounded
 from grabberd.documents.document import JsonObject
 from grabberd.errors import CaptureFileError, InputError, NotFound, StorageError
-from grabberd.files.documents import read_json
-from grabberd_liner.analyses.documents import (
-    RENAMED,
-    AnalysisRow,
-    QuantityDocument,
-    TableDocument,
-    outdated,
-)
+from grabberd.files.reading import read_json
+from grabberd_liner.analyses.documents import RENAMED, AnalysisRow, QuantityDocument, TableDocument, outdated
 from grabberd_liner.analyses.store import DOCUMENT, AnalysisStore
 from grabberd_liner.chain.study.study import VERDICT, Found, LeftOut, Meaning, Studied, unanalysed
 

@@ -50,8 +50,7 @@ def study(  # noqa: PLR0913, PLR0917 - options of a command
         str | None, typer.Option(help="Trend over this: date, milkings, or another label with numbers.")
     ] = None,
     quantities: Annotated[
-        str | None,
-        typer.Option(help="Comma-separated names of quantities; default: all."),
+        str | None, typer.Option(help="Comma-separated names of quantities; default: all.")
     ] = None,
     formats: Annotated[str, typer.Option(help="Comma-separated list of csv, parquet.")] = "csv",
     config: ConfigOption = None,
@@ -125,7 +124,7 @@ def _written(
 ) -> tuple[dict[str, Any], list[Path]]:
     """Make the study and write its files; return its document with them."""
     from grabberd import __version__  # noqa: PLC0415
-    from grabberd.clock import SystemClock, iso_utc  # noqa: PLC0415
+    from grabberd.runtime import SystemClock, iso_utc  # noqa: PLC0415
     from grabberd_liner.analyses.export import write_tables  # noqa: PLC0415
     from grabberd_liner.chain.study.study import make_study  # noqa: PLC0415
     from grabberd_liner.chain.study.study_document import study_document, tables  # noqa: PLC0415

@@ -12,9 +12,9 @@ from pydantic import Field
 from typing_extensions import TypeAliasType
 
 from grabberd import __version__
-from grabberd.clock import SystemClock, iso_utc
 from grabberd.documents.document import Document, JsonObject, Label
 from grabberd.documents.requests import CaptureName
+from grabberd.runtime import SystemClock, iso_utc
 from grabberd.server.api.readings import reads
 from grabberd.server.api.routes.dependencies import PROBLEMS, ServiceOf
 from grabberd.work.process import Processes

@@ -12,9 +12,9 @@ from archive.captures import MADE_WITH, META, PERIOD_NS, START_NS, ledger_of, me
 from grabberd.archive.capture.crash_recovery import recover, set_aside
 from grabberd.archive.capture.reader import CaptureReader
 from grabberd.archive.capture.writer import CaptureWriter
-from grabberd.clock import Now
 from grabberd.core.ledger import Ledger, LedgerEntry, Outcome
 from grabberd.errors import LaterVersion, StorageError
+from grabberd.runtime import Now
 
 CUT = "the program ended while it was recording"
 

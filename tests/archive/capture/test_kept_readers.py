@@ -14,7 +14,7 @@ import pytest
 from archive.captures import meta, points, slots, write
 from grabberd import runtime
 from grabberd.archive import capture_contents
-from grabberd.archive.capture import group_content
+from grabberd.archive.capture import content
 from grabberd.archive.capture.groups import PointGroup, measured_points
 from grabberd.archive.capture.reader import CaptureReader
 from grabberd.archive.capture.runs import append_run
@@ -184,7 +184,7 @@ def test_a_thinned_reading_decodes_no_group_without_a_wanted_field(
         decoded.append(group.first_n)
         return measured_points(group)
 
-    monkeypatch.setattr(group_content, "measured_points", counted)
+    monkeypatch.setattr(content, "measured_points", counted)
     with kept.opened(capture) as reader:
         numbers = [n for n, *_ in reader.timed_points(None, 0, FIELDS, 60)]
     assert (numbers, decoded) == ([0, 60], [0, 50])

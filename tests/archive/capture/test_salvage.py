@@ -12,10 +12,10 @@ from grabberd.archive.capture.reader import CaptureReader
 from grabberd.archive.capture.schema import DAMAGED
 from grabberd.archive.capture.verification import verify
 from grabberd.archive.capture.writer import CaptureWriter
-from grabberd.clock import Now
 from grabberd.core.channels.account import Account, ChannelAccount, ChannelLedger
 from grabberd.core.ledger import FILE_DAMAGED, LossCause, Outcome, cause_of_loss
 from grabberd.errors import CaptureFileError
+from grabberd.runtime import Now
 
 FIELDS, A_COMMIT, A_FIELD = 600, 25, 4
 PAGE = 4096

@@ -14,7 +14,7 @@ from grabberd.archive.capture.reader import CaptureReader
 from grabberd.archive.capture.writer import CaptureWriter
 from grabberd.archive.catalogue.archive import Archive
 from grabberd.errors import NotFound, ReadingGivenUp
-from grabberd.files.patience import Patience, within
+from grabberd.files.reading import Patience, within
 
 ENDLESS = "WITH RECURSIVE n(i) AS (SELECT 1 UNION ALL SELECT i + 1 FROM n) SELECT"
 SOON_S = 10.0

@@ -14,7 +14,7 @@ from grabberd.archive.catalogue.capture_list import each_capture, list_captures
 from grabberd.archive.catalogue.capture_query import CaptureQuery
 from grabberd.documents.captures import CaptureDocument
 from grabberd.errors import CaptureFileError
-from grabberd.files.patience import check_patience
+from grabberd.files.reading import check_patience
 
 
 @pytest.fixture

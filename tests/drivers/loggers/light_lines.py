@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from drivers.loggers.ports import Port
-from grabberd.clock import Clock
+from grabberd.runtime import Clock
 from grabberd_loggers.light.gpio_line import USED, ChipInfo, GpioKernel, GpioLightOptions, GpioLine, LineInfo
 from grabberd_loggers.light.serial_line import SerialLightOptions, SerialLine
 from grabberd_loggers.light.switched_light import Line, SwitchedLight

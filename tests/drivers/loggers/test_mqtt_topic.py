@@ -13,8 +13,8 @@ from paho.mqtt import client as paho
 from paho.mqtt import publish
 from paho.mqtt.enums import CallbackAPIVersion
 
-from grabberd.clock import SystemClock
 from grabberd.errors import DeviceAbsent, DeviceLost, DeviceRefused
+from grabberd.runtime import SystemClock
 from grabberd_loggers.lines import NOT_A_NUMBER, Line, LineFormat, LineReadings, Refused
 from grabberd_loggers.mqtt_topic import (
     OTHER_KEYS,

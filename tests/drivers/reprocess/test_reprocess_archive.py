@@ -27,7 +27,7 @@ from grabberd.archive.export.points_columns import DATASET_COLUMNS
 from grabberd.archive.measure_setups import measure_setup
 from grabberd.core.chain.measure import measure_fields
 from grabberd.errors import Conflict, InputError, StorageError
-from grabberd.files.documents import read_documents
+from grabberd.files.reading import read_documents
 from grabberd_reprocess.reprocess_archive import ReprocessProgress, find_captures
 
 

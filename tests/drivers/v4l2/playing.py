@@ -10,8 +10,7 @@ from drivers.v4l2.fake_kernel.card import PERIOD_NS
 from grabberd.config import RingConfig
 from grabberd.core.field import unpack
 from grabberd.core.ledger import Ledger, too_high_by
-from grabberd.instrument.capture.begin import Begin
-from grabberd.instrument.capture.recorder import cut
+from grabberd.instrument.capture.recorder import Begin, cut
 from grabberd.instrument.device.capture_thread import CaptureThread
 from grabberd.instrument.device.field_pipeline import FieldPipeline
 from grabberd.instrument.device.scheduling import ThreadTimes

@@ -15,13 +15,13 @@ from grabberd.archive.state.state_database import Outbox
 from grabberd.cli import main
 from grabberd.cli.app import app
 from grabberd.cli.terminal import console
-from grabberd.clock import SystemClock
 from grabberd.config import default_config_file, load_config
 from grabberd.core.ledger import Slot
 from grabberd.documents.captures import CaptureDocument
 from grabberd.documents.enums import Role
 from grabberd.documents.examples import CAPTURE
 from grabberd.instrument.setup import set_up
+from grabberd.runtime import SystemClock
 from grabberd.server.api import create_app
 from grabberd.server.api.problems import STATUS
 from grabberd.server.daemon.jobs import KINDS

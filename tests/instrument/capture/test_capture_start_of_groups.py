@@ -115,7 +115,7 @@ def refuse_files_of(device: str, monkeypatch: pytest.MonkeyPatch) -> None:
             raise StorageError("the disk says no", "replace it")
         return create(path, *limits)
 
-    monkeypatch.setattr("grabberd.archive.capture.writer.create", refusing)
+    monkeypatch.setattr("grabberd.archive.capture.schema.create", refusing)
 
 
 def test_a_file_that_cannot_be_made_leaves_none_of_the_others(
@@ -400,7 +400,7 @@ def test_no_field_is_missed_however_long_the_files_take_to_be_made(
         return create(path, *limits)
 
     with several(tmp_path, PACED) as service:
-        monkeypatch.setattr("grabberd.archive.capture.writer.create", slowly)
+        monkeypatch.setattr("grabberd.archive.capture.schema.create", slowly)
         service.capture_control.start_group(both(CaptureRequest(fields=slots)))
         for file in sealed_all(service).values():
             with CaptureReader(file) as reader:

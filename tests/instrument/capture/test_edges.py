@@ -6,8 +6,7 @@ from slots import PERIOD_NS, slot
 
 from grabberd.core.ledger import LedgerEntry, LedgerEvent, Outcome, Slot, numbers_off, numbers_unsure
 from grabberd.instrument.acquisition import Ring
-from grabberd.instrument.capture.begin import Begin, NumbersFromBegin, fields_before, number_at
-from grabberd.instrument.capture.recorder import cut
+from grabberd.instrument.capture.recorder import Begin, NumbersFromBegin, cut, fields_before, number_at
 
 
 def begin_at(fields: float) -> Begin:

@@ -8,7 +8,6 @@ from scripted_loggers import CHANNELS, INFO, ScriptedLogger, readings_at, setup_
 from simulated_time import SimulatedClock
 from slots import ManualClock
 
-from grabberd.clock import SystemClock
 from grabberd.core.channels import Anomaly, Dating
 from grabberd.documents.enums import DeviceState
 from grabberd.errors import Cause, DeviceAbsent
@@ -16,6 +15,7 @@ from grabberd.fault_board import FaultBoard
 from grabberd.instrument.channels.feed import Part
 from grabberd.instrument.channels.logger_board import DOUBTFUL_NS, STUCK, STUCK_S
 from grabberd.instrument.channels.loggers import STOP_S, Loggers
+from grabberd.runtime import SystemClock
 
 ABSENT = DeviceAbsent("there is no such port", "plug it in")
 

@@ -11,7 +11,6 @@ from hypothesis import strategies as st
 from scripted import INFO, PERIOD_S, S, Scripted, run
 from simulated_time import SMALL, START_NS, NoCaptures, Run, SimulatedClock
 
-from grabberd.clock import SystemClock
 from grabberd.core.ledger import Outcome
 from grabberd.errors import (
     Cause,
@@ -27,6 +26,7 @@ from grabberd.instrument.acquisition import GrabbedField, Signal, StreamInfo
 from grabberd.instrument.device.capture_thread import DEQUEUE_TIMEOUT_S, CaptureThread
 from grabberd.instrument.device.field_pipeline import FieldPipeline
 from grabberd.instrument.device.status_board import StatusBoard
+from grabberd.runtime import SystemClock
 
 
 def test_it_is_ready_when_its_first_fields_have_their_numbers() -> None:

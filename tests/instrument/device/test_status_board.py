@@ -8,12 +8,12 @@ import pytest
 from recording_rig import PATIENCE_S
 from slots import STREAM, ManualClock, slot, without_signal
 
-from grabberd.clock import iso_utc
 from grabberd.core.ledger import Outcome
 from grabberd.documents.enums import DeviceState, Rung
 from grabberd.errors import Cause, DeviceRefused, PictureError, StorageError, StreamFailed
 from grabberd.instrument.device.recovery import Step
 from grabberd.instrument.device.status_board import TRANSITIONS, StatusBoard, cause_of, may_follow
+from grabberd.runtime import iso_utc
 
 
 def board_after(fields: int, period_s: float = 0.02) -> tuple[StatusBoard, ManualClock]:

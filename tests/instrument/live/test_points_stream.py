@@ -6,9 +6,9 @@ from typing import Any, cast
 
 import pytest
 
-from grabberd.clock import UtcClock
 from grabberd.instrument.instrument import Instrument
 from grabberd.instrument.live.field_streams import PointsEncoder
+from grabberd.runtime import UtcClock
 
 
 def setup_with(calibration_id: str) -> SimpleNamespace:

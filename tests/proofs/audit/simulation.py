@@ -4,9 +4,8 @@ from simulated_time import SMALL, NoCaptures, SimulatedClock, Until
 
 from grabberd.config import RingConfig
 from grabberd.core.ledger import Slot
-from grabberd.instrument.acquisition import RingReader, StreamInfo
-from grabberd.instrument.capture.begin import Begin
-from grabberd.instrument.capture.recorder import Backlog, Recorder
+from grabberd.instrument.acquisition import Backlog, RingReader, StreamInfo
+from grabberd.instrument.capture.recorder import Begin, Recorder
 from grabberd.instrument.device.capture_thread import CaptureThread
 from grabberd.instrument.device.field_pipeline import ARRIVALS, FieldPipeline
 from grabberd.instrument.device.status_board import StatusBoard

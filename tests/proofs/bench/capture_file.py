@@ -21,7 +21,7 @@ from grabberd.core.chain.measure import measure_fields
 from grabberd.core.field import Field, NumberedField, PackedField, double_lines, quantise
 from grabberd.core.ledger import Ledger, Outcome, Slot
 from grabberd.core.reconstruction.points import Points
-from grabberd.files.documents import read_documents
+from grabberd.files.reading import read_documents
 from grabberd.instrument.acquisition.device import GRABBERS
 
 FIELDS, GROUP, ROUNDS = 600, 25, 7

@@ -15,7 +15,7 @@ from grabberd.archive.export.dataset import DataSet
 from grabberd.config import default_config_file, load_config, shipped_configs
 from grabberd.core.field import Field, NumberedField, double_lines, quantise
 from grabberd.core.ledger import Ledger, Outcome, Slot
-from grabberd.files.documents import read_documents
+from grabberd.files.reading import read_documents
 from grabberd.instrument.acquisition.device import GRABBERS
 from grabberd_reprocess.reprocess_archive import (
     ReprocessProgress,

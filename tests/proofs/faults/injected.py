@@ -21,7 +21,7 @@ from typing import Any
 import grabberd_fake.grabber
 from grabberd.archive.capture.writer import CaptureWriter
 from grabberd.cli import main
-from grabberd.clock import SystemClock
+from grabberd.runtime import SystemClock
 
 sys.path.append(str(Path(__file__).parents[2]))
 

@@ -21,7 +21,7 @@ from grabberd.config import default_config_file, load_config
 from grabberd.core.geometry import Calibration
 from grabberd.core.reconstruction import ObjectModel
 from grabberd.errors import GrabberdError
-from grabberd.files.documents import read_documents, read_yaml
+from grabberd.files.reading import read_documents, read_yaml
 from grabberd_liner.analysis.vacuum.vacuum_log import read_vacuum_log
 from grabberd_replay import ReplayGrabber
 from grabberd_v4l2.profiles import Profiles

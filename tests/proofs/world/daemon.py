@@ -15,12 +15,12 @@ from tests.proofs.world.scheduler import Killed
 
 from grabberd import runtime
 from grabberd.archive.catalogue.disk_guard import GB, DiskGuard
-from grabberd.clock import SystemClock
 from grabberd.config import DeviceConfig
 from grabberd.documents.jobs import MeasurementResult
 from grabberd.errors import GrabberdError
 from grabberd.instrument.channels.logger_setup import LoggerSetup
 from grabberd.instrument.setup import DeviceSetup
+from grabberd.runtime import SystemClock
 from grabberd.server.daemon import jobs as daemon_jobs
 from grabberd.server.daemon.service import Service
 from grabberd.work.job_spec import JobContext, JobSpec, Progress

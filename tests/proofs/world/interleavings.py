@@ -29,9 +29,9 @@ from grabberd.core.ledger import Outcome, Slot
 from grabberd.documents.enums import DeviceState
 from grabberd.errors import Cause, DeviceAbsent
 from grabberd.fault_board import FaultBoard
+from grabberd.instrument.acquisition import Backlog
 from grabberd.instrument.acquisition.ring import Ring, RingReader
 from grabberd.instrument.active_calibrations import _Rejections
-from grabberd.instrument.capture.recorder import Backlog
 from grabberd.instrument.capture_end import UnsealedCaptures
 from grabberd.instrument.channels.feed import Feed, Part
 from grabberd.instrument.channels.logger_board import LoggerBoard

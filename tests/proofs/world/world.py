@@ -23,7 +23,7 @@ from tests.proofs.world.record import Crash, Job, Record
 from tests.proofs.world.waiting import Deadlock
 from tests.proofs.world.weather import FAULTS, NEVER_NS, PAIRS, Spell, faults_of
 
-from grabberd import clock, runtime
+from grabberd import runtime
 
 STORM_S, CALM_S = 60.0, 80.0
 """The calm is longer than anything is put off: a minute between attempts to seal, and what a disk owes."""
@@ -254,9 +254,9 @@ def _megabytes() -> float:
 
 
 def _new_boot() -> None:
-    number = int(clock.BOOT_ID_FILE.read_text()) + 1
-    clock.BOOT_ID_FILE.write_text(f"{number:032d}")
-    clock.boot_id.cache_clear()
+    number = int(runtime.BOOT_ID_FILE.read_text()) + 1
+    runtime.BOOT_ID_FILE.write_text(f"{number:032d}")
+    runtime.boot_id.cache_clear()
 
 
 class _Shouts(logging.Handler):
@@ -281,9 +281,9 @@ def played(
     """Plays a seed, in a process that has played no other."""
     begin_s = time.process_time()
     base = Path(tempfile.mkdtemp(prefix="world-"))
-    clock.BOOT_ID_FILE = base / "boot"
-    clock.BOOT_ID_FILE.write_text(f"{1:032d}")
-    clock.boot_id.cache_clear()
+    runtime.BOOT_ID_FILE = base / "boot"
+    runtime.BOOT_ID_FILE.write_text(f"{1:032d}")
+    runtime.boot_id.cache_clear()
     folder = base / "state"
     folder.mkdir()
     try:

@@ -129,7 +129,7 @@ def test_a_full_disk_ends_the_capture_and_what_is_on_it_can_be_read(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(
-        "grabberd.archive.capture.writer.create", lambda path, *_: create(path, max_pages=600)
+        "grabberd.archive.capture.schema.create", lambda path, *_: create(path, max_pages=600)
     )
     with running(tmp_path, {"pace": "real"}) as service:
         path = capture(service)

@@ -28,7 +28,7 @@ from grabberd.documents.calibrations import (
 )
 from grabberd.documents.document import JsonObject
 from grabberd.errors import Conflict, ExtraMissing, GrabberdError, InputError, NotFound
-from grabberd.files.documents import read_yaml
+from grabberd.files.reading import read_yaml
 
 Document = Mapping[str, Any]
 """A calibration as stored in its file."""

@@ -8,8 +8,8 @@ from contextlib import closing
 from pathlib import Path
 from typing import Any
 
+from grabberd.archive.capture.content import picture_groups
 from grabberd.archive.capture.digests import END, FIELDS_AT_ONCE, some_rows
-from grabberd.archive.capture.group_content import picture_groups
 from grabberd.archive.capture.meta import CaptureMeta, read_conversion
 from grabberd.archive.capture.rows import FIELD_COLUMNS
 from grabberd.archive.capture.schema import FORMAT_1, connect, format_of, reading_errors

@@ -20,20 +20,13 @@ from grabberd.archive.capture.reader import CaptureReader
 from grabberd.archive.capture.recorded_channels import close_account, read_account, write_account
 from grabberd.archive.capture.rows import write_ledger
 from grabberd.archive.capture.salvage import SAVE
-from grabberd.archive.capture.schema import (
-    DAMAGED,
-    FREE_RESERVE,
-    PART,
-    connect,
-    reading_errors,
-    sealed_path,
-)
+from grabberd.archive.capture.schema import DAMAGED, FREE_RESERVE, PART, connect, reading_errors, sealed_path
 from grabberd.archive.capture.writer import FAILED, RUNNING, publish
 from grabberd.archive.guarded_database import JOURNAL
-from grabberd.clock import Now
 from grabberd.core.ledger import Ledger, LedgerEntry, Outcome
 from grabberd.errors import CaptureFileError, GrabberdError, LaterVersion, StorageError, count_of
 from grabberd.files.disk import DirectoryLock, scratch_folder, storage_errors
+from grabberd.runtime import Now
 from grabberd.work.process import HOSTILE, ask_each
 
 REASON = ".txt"

@@ -19,8 +19,7 @@ from typing import Any, NamedTuple, TypeVar
 from grabberd.archive.capture.meta import coverage_key, write_meta
 from grabberd.archive.capture.schema import DAMAGE, WITH_CHANNELS, format_of, reading_errors
 from grabberd.errors import CaptureFileError
-from grabberd.files.documents import read_json
-from grabberd.files.patience import check_patience
+from grabberd.files.reading import check_patience, read_json
 
 FORM_KEY, FORM = "digests", 1
 """Key and value in files with digests, from the first commit on."""

@@ -11,18 +11,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from grabberd.archive.capture import encodings
 from grabberd.archive.capture.digests import Row
-from grabberd.archive.capture.encodings import (
-    COLUMNS,
-    MOST_POINTS,
-    PointColumns,
-    decode_field_points,
-    decode_points,
-    encode_field_points,
-    encode_points,
-    frame_of,
-    unpacked,
-)
 from grabberd.archive.capture.meta import LARGEST_N
 from grabberd.archive.capture.rows import RecordedField, check_field, check_picture, field_of
 from grabberd.archive.capture.schema import FORMAT_1
@@ -33,7 +23,7 @@ FIELD_COLUMNS = "n, time_ns, sequence, parity, y0, y_step, threshold, outcome, r
 """Columns in the order of the table."""
 _FIELD = tuple(FIELD_COLUMNS.split(", "))
 _UINT32 = np.dtype("<u4")
-NO_COLUMNS = PointColumns("", *(b"" for _ in COLUMNS))
+NO_COLUMNS = encodings.PointColumns("", *(b"" for _ in encodings.COLUMNS))
 MOST_FIELDS = 32
 """Maximum number of fields of a group; a commit has about 25 at 50 Hz."""
 LARGEST_GROUP = 16 << 20
@@ -68,7 +58,7 @@ class PointGroup(NamedTuple):
     points: int
     field_n: bytes
     field_points: bytes
-    columns: PointColumns
+    columns: encodings.PointColumns
 
     @property
     def row(self) -> Row:
@@ -84,7 +74,7 @@ class PointGroup(NamedTuple):
     @classmethod
     def of(cls, row: Row) -> "PointGroup":
         """The group of a row."""
-        return cls._make((*row[:7], PointColumns._make(row[7:])))
+        return cls._make((*row[:7], encodings.PointColumns._make(row[7:])))
 
 
 def recorded_fields(group: PictureGroup) -> list[RecordedField]:
@@ -119,7 +109,7 @@ def point_group(run: int, fields: Sequence[tuple[int, Points]]) -> PointGroup:
         raise ValueError(f"points of fields that are not in order: {numbers.tolist()}")
     first_n, last_n = int(numbers[0]), int(numbers[-1])
     offsets = (numbers - first_n).astype(_UINT32)
-    columns = encode_points([points for _, points in fields])
+    columns = encodings.encode_points([points for _, points in fields])
     ends = (run, first_n, last_n, len(fields), int(counts.sum()))
     return PointGroup(*ends, offsets.tobytes(), counts.tobytes(), columns)
 
@@ -155,7 +145,7 @@ def measured_points(group: PointGroup) -> Points:
     Raises:
         ValueError: The points are damaged.
     """
-    return decode_points(group.columns, group.points)
+    return encodings.decode_points(group.columns, group.points)
 
 
 def pictures_size(count: int, rows: int, columns: int, bits: int) -> int:
@@ -169,7 +159,7 @@ def encode_pictures(fields: Sequence[PackedField]) -> bytes:
     Packed planes are written in columns of eight pixels: the edge of a target changes little from line to
     line, which gives long runs of equal bytes and long repetitions from field to field.
     """
-    return frame_of([b"".join(_downward(field).tobytes() for field in fields)])
+    return encodings.frame_of([b"".join(_downward(field).tobytes() for field in fields)])
 
 
 def _downward(field: PackedField) -> NDArray[np.uint8]:
@@ -186,7 +176,7 @@ def decode_pictures(data: bytes, count: int, rows: int, columns: int, bits: int)
     if count not in range(1, MOST_FIELDS + 1) or (count > 1 and size > LARGEST_GROUP):
         raise ValueError(f"a group of {count} fields with {size} bytes of pictures")
     planes, lines, across = packed_shape(rows, columns, bits)
-    content = np.frombuffer(unpacked(data, size), np.uint8)
+    content = np.frombuffer(encodings.unpacked(data, size), np.uint8)
     if bits == 8:
         return [picture.copy() for picture in content.reshape(count, planes, lines, across)]
     pictures = content.reshape(count, planes, across, lines)
@@ -254,7 +244,7 @@ class PointsInWaiting:
 
     def takes(self, run: int, points: Points) -> bool:
         """True if a field's points may be added."""
-        fit = len(self) < MOST_FIELDS and self._count + len(points) <= MOST_POINTS
+        fit = len(self) < MOST_FIELDS and self._count + len(points) <= encodings.MOST_POINTS
         return not self._fields or (run == self._run and fit)
 
     def add(self, run: int, n: int, points: Points) -> None:
@@ -321,7 +311,7 @@ class PointTable(NamedTuple):
 
 
 def _encode_single(run: int, fields: Iterable[tuple[int, Points]]) -> Iterator[Row]:
-    return ((run, int(n), len(points), encode_field_points(points)) for n, points in fields)
+    return ((run, int(n), len(points), encodings.encode_field_points(points)) for n, points in fields)
 
 
 def _encode_groups(run: int, fields: Iterable[tuple[int, Points]]) -> Iterator[Row]:
@@ -335,7 +325,7 @@ def _check_group(row: Row) -> None:
 
 
 SINGLE = PointTable(
-    "n", 4, 500, _encode_single, lambda row: row, lambda row: decode_field_points(row[3], row[2])
+    "n", 4, 500, _encode_single, lambda row: row, lambda row: encodings.decode_field_points(row[3], row[2])
 )
 GROUPED = PointTable("first_n", 14, 10, _encode_groups, lambda row: PointGroup.of(row).digested, _check_group)
 

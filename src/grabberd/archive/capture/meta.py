@@ -22,7 +22,7 @@ from grabberd.archive.capture.schema import reading_errors
 from grabberd.core.field import BIT_DEPTHS
 from grabberd.core.measurement.marks import MOST_MARKS, Located
 from grabberd.errors import said
-from grabberd.files.documents import read_json
+from grabberd.files.reading import read_json
 
 CONVERSION = "conversion"
 """Key of the record of a capture's conversion."""

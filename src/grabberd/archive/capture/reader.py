@@ -11,9 +11,8 @@ from typing import Self
 import numpy as np
 from numpy.typing import NDArray
 
-from grabberd.archive.capture.content import Content, PointArrays, RowContent
+from grabberd.archive.capture.content import Content, GroupContent, PointArrays, RowContent
 from grabberd.archive.capture.digests import CHANGED, END, Damage, changed_parts
-from grabberd.archive.capture.group_content import GroupContent
 from grabberd.archive.capture.meta import (
     LARGEST_N,
     LARGEST_TIME_NS,
@@ -191,8 +190,7 @@ class CaptureReader:
 
     def newest_runs(self, most: int) -> Iterator[RunInfo]:
         """The newest runs in order, each without the documents that its points were measured with."""
-        for number in self.run_numbers[-most:]:
-            yield self._run(number, _RUN_ALONE)
+        return (self._run(number, _RUN_ALONE) for number in self.run_numbers[-most:])
 
     def fields(self, first_n: int = 0, end_n: int | None = None) -> Iterator[RecordedField]:
         """The fields with first_n ≤ n < end_n in order, about fifty at a time."""

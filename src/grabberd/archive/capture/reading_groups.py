@@ -15,7 +15,7 @@ from grabberd.archive.capture.digests import Row
 from grabberd.archive.capture.encodings import differences, frame_of, planes_of, read_planes, sums
 from grabberd.archive.capture.meta import LARGEST_TIME_NS
 from grabberd.core.channels import Dating, Quantity
-from grabberd.files.documents import read_json
+from grabberd.files.reading import read_json
 
 MOST_CHANNELS = 64
 """Maximum number of channels of a capture."""

@@ -20,7 +20,7 @@ from grabberd.archive.capture.rows import text_of
 from grabberd.archive.capture.schema import DAMAGE, reading_errors
 from grabberd.core.ledger import Ledger, LedgerEntry, LedgerEvent, Outcome, Rebase
 from grabberd.errors import CaptureFileError
-from grabberd.files.patience import check_patience
+from grabberd.files.reading import check_patience
 
 KEY = "rebases"
 MOST_ENTRIES = 1 << 24

@@ -20,7 +20,7 @@ from grabberd.archive.capture.meta import (
 )
 from grabberd.core.field import BIT_DEPTHS, LARGEST_SIDE_PX, PROGRESSIVE, NumberedField, PackedField
 from grabberd.core.ledger import Ledger, LedgerEntry, Outcome
-from grabberd.files.documents import read_json
+from grabberd.files.reading import read_json
 
 FIELD_COLUMNS = (
     "n, time_ns, sequence, parity, y0, y_step, rows, columns, bits, threshold, outcome, reason, codec, data"

@@ -15,6 +15,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from grabberd import runtime
+from grabberd.archive.capture.content import PICTURE_GROUPS, POINT_GROUPS, WITHOUT_PICTURE
 from grabberd.archive.capture.digests import (
     END,
     FIELDS,
@@ -31,7 +32,6 @@ from grabberd.archive.capture.digests import (
     write_row_digests,
     write_sealed_digest,
 )
-from grabberd.archive.capture.group_content import PICTURE_GROUPS, POINT_GROUPS, WITHOUT_PICTURE
 from grabberd.archive.capture.groups import measured_points, recorded_fields
 from grabberd.archive.capture.meta import (
     BEFORE,
@@ -43,12 +43,7 @@ from grabberd.archive.capture.meta import (
     write_meta,
 )
 from grabberd.archive.capture.reading_groups import MOST_CHANNELS, RecordedChannel, decode_readings
-from grabberd.archive.capture.recorded_channels import (
-    KEY,
-    RecordedChannels,
-    groups_of,
-    write_account,
-)
+from grabberd.archive.capture.recorded_channels import KEY, RecordedChannels, groups_of, write_account
 from grabberd.archive.capture.recorded_ledger import RecordedLedger, rebases_in
 from grabberd.archive.capture.rows import write_ledger
 from grabberd.archive.capture.schema import (
@@ -66,8 +61,7 @@ from grabberd.archive.guarded_database import schema_of
 from grabberd.core.channels.account import Account, ChannelAccount, ChannelLedger
 from grabberd.core.ledger import FILE_DAMAGED, UNACCOUNTED, Ledger, LedgerEntry, Outcome
 from grabberd.files.disk import scratch_folder
-from grabberd.files.documents import read_json
-from grabberd.files.patience import check_patience
+from grabberd.files.reading import check_patience, read_json
 
 _USUAL = 200
 _AT_ONCE = {"pictures": 2, "points": 2}

@@ -10,7 +10,7 @@ from grabberd.archive.guarded_database import JOURNAL, GuardedConnection, open_t
 from grabberd.errors import NO_PERMISSION, CaptureFileError, LaterVersion, StorageError
 from grabberd.files import disk
 from grabberd.files.disk import storage_errors
-from grabberd.files.patience import check_patience
+from grabberd.files.reading import check_patience
 
 APPLICATION_ID = 0x67726162
 """The letters `grab` in the database's header, which distinguish captures from other SQLite files."""

@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any, Self
 
 from grabberd import runtime
+from grabberd.archive.capture import schema
 from grabberd.archive.capture.digests import FORM, FORM_KEY, write_sealed_digest
 from grabberd.archive.capture.groups import GROUPED, PicturesInWaiting, PointsInWaiting
 from grabberd.archive.capture.meta import (
@@ -26,16 +27,6 @@ from grabberd.archive.capture.reading_groups import RecordedChannel, RecordedRea
 from grabberd.archive.capture.recorded_channels import ChannelWriter
 from grabberd.archive.capture.recorded_ledger import with_rebases
 from grabberd.archive.capture.rows import RunInfo, as_far_as_written, insert_entry, write_ledger
-from grabberd.archive.capture.schema import (
-    FREE_RESERVE,
-    RESERVE_BYTES,
-    VERSION,
-    WITH_CHANNELS,
-    connect,
-    create,
-    remove_with_journal,
-    sealed_path,
-)
 from grabberd.archive.capture.verification import Uncommitted, check_sealed
 from grabberd.core.channels.account import Account
 from grabberd.core.ledger import Ledger, LedgerEntry, LedgerEvent, Slot
@@ -86,7 +77,7 @@ class CaptureWriter:
         path: Path,
         meta: CaptureMeta,
         max_pages: int | None = None,
-        reserve_bytes: int = RESERVE_BYTES,
+        reserve_bytes: int = schema.RESERVE_BYTES,
         channels: Sequence[RecordedChannel] = (),
     ) -> Self:
         """Creates a file NAME.grab.part.
@@ -107,8 +98,8 @@ class CaptureWriter:
         except ValueError as error:
             hint = "look at its note and labels, and at the site and the device in the configuration"
             raise InputError(f"capture {meta.id!r} cannot begin: {error}", hint) from error
-        version = WITH_CHANNELS if channels else VERSION
-        connection = create(path, max_pages, reserve_bytes, version)
+        version = schema.WITH_CHANNELS if channels else schema.VERSION
+        connection = schema.create(path, max_pages, reserve_bytes, version)
         writer = cls(path, connection, meta, channels)
         with writer.discarded_if_it_fails(), storage_errors(path):
             writer._begin()
@@ -126,10 +117,10 @@ class CaptureWriter:
             CaptureFileError: The file is missing or damaged.
             StorageError: The file cannot be opened now.
         """
-        if not self.path.exists() and sealed_path(self.path).exists():
-            self.path = sealed_path(self.path)  # it was renamed, but synchronising its folder failed
+        if not self.path.exists() and schema.sealed_path(self.path).exists():
+            self.path = schema.sealed_path(self.path)  # it was renamed, but synchronising its folder failed
         self._forget()  # uncommitted data were lost with the connection
-        self._connection = connect(self.path, writable=True)
+        self._connection = schema.connect(self.path, writable=True)
 
     def begin_run(
         self, run: int, kind: str, created_utc: str, version: str, made_with: Mapping[str, Any]
@@ -230,7 +221,7 @@ class CaptureWriter:
         ledger = copy.deepcopy(ledger)
         with storage_errors(self.path):
             self._connection.execute("BEGIN IMMEDIATE")
-            self._connection.execute(FREE_RESERVE)  # first, to free pages for what follows
+            self._connection.execute(schema.FREE_RESERVE)  # first, to free pages for what follows
             written = as_far_as_written(self._connection, ledger)
             write_ledger(self._connection, written)
             state, reason = (FAILED, measuring_failure) if measuring_failure else (DONE, None)
@@ -259,7 +250,7 @@ class CaptureWriter:
     def discard(self) -> None:
         """Closes the file and deletes it."""
         self.close()
-        remove_with_journal(self.path)
+        schema.remove_with_journal(self.path)
 
     @contextmanager
     def discarded_if_it_fails(self) -> Iterator[None]:
@@ -357,7 +348,7 @@ def publish(part: Path) -> Path:
     Raises:
         StorageError: Another capture has that name; nothing is overwritten.
     """
-    final = sealed_path(part)
+    final = schema.sealed_path(part)
     if final != part:
         if final.exists():
             raise StorageError(

@@ -12,11 +12,7 @@ from grabberd.archive.capture.captures_folder import CapturesFolder, plainly_nam
 from grabberd.archive.capture.crash_recovery import reason_of, recover
 from grabberd.archive.capture.schema import DAMAGED, PART, SUFFIX, part_path
 from grabberd.archive.catalogue.capture_catalogue import Library, Results
-from grabberd.archive.catalogue.capture_documents import (
-    Descriptions,
-    damaged_document,
-    describe,
-)
+from grabberd.archive.catalogue.capture_documents import Descriptions, damaged_document, describe
 from grabberd.archive.state.capture_index import CaptureIndex, IndexKeeper, Unusable
 from grabberd.archive.state.index_entries import SEALED_ENTRY, IndexEntry
 from grabberd.archive.state.state_database import Annotation, AnnotationStore
@@ -34,7 +30,7 @@ from grabberd.errors import (
 )
 from grabberd.fault_board import FaultBoard
 from grabberd.files.disk import storage_errors
-from grabberd.files.patience import Patience, within
+from grabberd.files.reading import Patience, within
 
 if TYPE_CHECKING:
     from grabberd.work.job_queue import JobQueue

@@ -27,7 +27,7 @@ from grabberd.archive.state.capture_index import CaptureIndex
 from grabberd.archive.state.index_entries import DAMAGED_ENTRY, IndexEntry
 from grabberd.archive.state.state_database import Annotation
 from grabberd.documents.captures import CaptureDocument
-from grabberd.files.documents import read_json
+from grabberd.files.reading import read_json
 
 MOST_VALUES = 50
 """Maximum number of values reported for a facet, the most frequent first."""

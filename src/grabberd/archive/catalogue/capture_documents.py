@@ -41,7 +41,7 @@ from grabberd.documents.channels import ChannelsSummary
 from grabberd.documents.document import assembled
 from grabberd.errors import CaptureFileError, InputError, ReadingGivenUp, StorageError
 from grabberd.files.disk import storage_errors
-from grabberd.files.patience import CURRENT, Patience, check_patience, within
+from grabberd.files.reading import CURRENT, Patience, check_patience, within
 
 AXES = ("x", "y", "z")
 LONGEST_REASON, LONGEST_WORDS = 500, 5000

@@ -35,7 +35,7 @@ from grabberd.documents.captures import (
 )
 from grabberd.errors import GrabberdError, NotFound, ReadingGivenUp
 from grabberd.extension import extensions, load
-from grabberd.files.patience import CURRENT, Patience, check_patience, within
+from grabberd.files.reading import CURRENT, Patience, check_patience, within
 
 _ATTEMPTS = 3
 """Attempts to get a page without captures whose files were removed by hand, which reading them reveals."""

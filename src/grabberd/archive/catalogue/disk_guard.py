@@ -13,12 +13,12 @@ from grabberd import runtime
 from grabberd.archive.capture.schema import SUFFIX
 from grabberd.archive.catalogue.archive import Archive
 from grabberd.archive.state.index_entries import IndexEntry
-from grabberd.clock import UtcClock
 from grabberd.config import RetentionConfig
 from grabberd.documents.state import StorageDocument
 from grabberd.errors import Cause, Conflict, NotFound, StorageError
 from grabberd.fault_board import Complaint
 from grabberd.files.disk import storage_errors
+from grabberd.runtime import UtcClock
 
 GB = 1_000_000_000
 DEFAULT_RESERVE_BYTES = GB // 5

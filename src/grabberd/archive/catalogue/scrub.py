@@ -4,20 +4,20 @@ What is whole of captures that were set aside as unreadable is saved as well, on
 """
 
 import logging
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Mapping
 from datetime import datetime, timedelta
 from pathlib import Path
 
 from grabberd import runtime
 from grabberd.archive.capture.crash_recovery import save_whole
 from grabberd.archive.capture.schema import DAMAGED
-from grabberd.archive.capture.verification import Verification, verify_files
+from grabberd.archive.capture.verification import verify_files
 from grabberd.archive.catalogue.archive import Archive
 from grabberd.archive.state.index_entries import SEALED_ENTRY
 from grabberd.archive.state.state_database import StateStore
-from grabberd.clock import UtcClock, iso_utc
 from grabberd.errors import Cause, GrabberdError
 from grabberd.fault_board import Complaint, FaultBoard
+from grabberd.runtime import UtcClock, iso_utc
 
 log = logging.getLogger(__name__)
 EVERY = timedelta(days=30)
@@ -37,7 +37,6 @@ class Scrub:
         faults: Board for reporting damage.
         clock: Source of time.
         busy: Returns True while a capture is being recorded.
-        verify_files: Verifies files, in order.
     """
 
     def __init__(
@@ -47,14 +46,12 @@ class Scrub:
         faults: FaultBoard,
         clock: UtcClock,
         busy: Callable[[], bool],
-        verify_files: Callable[[Iterable[Path]], Iterator[tuple[Path, Verification]]] = verify_files,
     ) -> None:
         self._archive = archive
         self._store = store
         self._faults = faults
         self._clock = clock
         self._busy = busy
-        self._verify_files = verify_files
         self._stopping = runtime.event()
         self._complaint = Complaint(log, "the captures cannot be verified: %s")
         self._tried: set[Path] = set()
@@ -114,7 +111,7 @@ class Scrub:
             if self._stopping.is_set():
                 return None
             path = self._archive.directory / entry.file
-            for _, found in self._verify_files([path]):
+            for _, found in verify_files([path]):
                 if found.damages and path.exists():
                     damaged[entry.id] = found.damages[0]
                     log.error("capture %s is damaged: %s", entry.id, "; ".join(found.damages))

@@ -64,10 +64,7 @@ REBASE = "rebase"
 
 
 def points_csv(
-    path: Path,
-    run: int | None = None,
-    left_out: list[Damage] | None = None,
-    dialect: CsvDialect = COMMAS,
+    path: Path, run: int | None = None, left_out: list[Damage] | None = None, dialect: CsvDialect = COMMAS
 ) -> Generator[str, None, None]:
     """Text of a CSV file; errors are raised at once, before the first text.
 
@@ -118,11 +115,7 @@ def points_parquet(path: Path, run: int | None, file: IO[bytes], left_out: list[
 
 
 def open_run(
-    path: Path,
-    run: int | None,
-    left_out: list[Damage] | None = None,
-    first_n: int = 0,
-    end_n: int = END,
+    path: Path, run: int | None, left_out: list[Damage] | None = None, first_n: int = 0, end_n: int = END
 ) -> tuple[CaptureReader, int]:
     """A reader, which the caller closes, and the number of the run that is meant.
 

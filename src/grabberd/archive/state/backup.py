@@ -23,17 +23,8 @@ from grabberd.archive.state.state_database import MIGRATIONS, copy_of, tables_of
 from grabberd.archive.state.state_keeper import CAPTURES_FOLDER, ORIGIN
 from grabberd.bounded_documents import LARGEST_DOCUMENT
 from grabberd.errors import InputError, StorageError
-from grabberd.files.disk import (
-    OWNER_ONLY,
-    READ_ONLY,
-    DirectoryLock,
-    clear_scratch,
-    scratch_folder,
-    storage_errors,
-    sync_directory,
-    write_synced,
-)
-from grabberd.files.documents import read_json
+from grabberd.files import disk
+from grabberd.files.reading import read_json
 
 SCHEMA, VERSION = "grabberd/backup", 1
 MANIFEST, STATE, CALIBRATIONS = "manifest.json", "state.sqlite", "calibrations"
@@ -82,7 +73,7 @@ def back_up(directory: Path, out: Path, created_utc: str, version: str) -> Backu
     }
     document = json.dumps(manifest, indent=1).encode()
     part = out.with_name(f".{out.name}.part")
-    with storage_errors(out):
+    with disk.storage_errors(out):
         if out.exists():
             raise StorageError(f"{out} exists already", "name another file; nothing is overwritten")
         try:
@@ -112,17 +103,17 @@ def restore(directory: Path, backup: Path, now: str) -> tuple[BackupInfo, Path |
     """
     manifest, members = _read(backup)
     _check_state(members[STATE], backup)
-    lock = DirectoryLock(directory)
+    lock = disk.DirectoryLock(directory)
     lock.acquire()
     try:
-        clear_scratch(directory)
-        with storage_errors(directory), scratch_folder(directory) as scratch:
+        disk.clear_scratch(directory)
+        with disk.storage_errors(directory), disk.scratch_folder(directory) as scratch:
             _write_members(scratch, members)
             _forget_surroundings(scratch / STATE)
             replaced = _keep(directory, directory / f"{REPLACED}{now}")
             runtime.rename(scratch / CALIBRATIONS, directory / CALIBRATIONS)
             runtime.replace(scratch / STATE, directory / STATE)
-            sync_directory(directory)
+            disk.sync_directory(directory)
     finally:
         lock.release()
     return _info(manifest), replaced
@@ -140,7 +131,7 @@ def _check_limits(out: Path, members: Mapping[str, bytes]) -> None:
 
 
 def _members(directory: Path) -> Iterator[tuple[str, bytes]]:
-    with storage_errors(directory):
+    with disk.storage_errors(directory):
         yield STATE, _database(directory / STATE)
         for file in sorted((directory / CALIBRATIONS).glob("*/*")):
             name = file.relative_to(directory).as_posix()
@@ -159,7 +150,7 @@ def _database(path: Path) -> bytes:
 
 
 def _write_zip(path: Path, members: Mapping[str, bytes]) -> None:
-    descriptor = os.open(path, os.O_RDWR | os.O_CREAT | os.O_TRUNC, OWNER_ONLY)
+    descriptor = os.open(path, os.O_RDWR | os.O_CREAT | os.O_TRUNC, disk.OWNER_ONLY)
     with os.fdopen(descriptor, "w+b") as file:
         with zipfile.ZipFile(file, "w", zipfile.ZIP_DEFLATED) as archive:
             for name, content in members.items():
@@ -228,7 +219,7 @@ def _check_version(manifest: Mapping[str, Any], path: Path) -> None:
 def _check_state(content: bytes, backup: Path) -> None:
     """Checks that the database is intact, has the known tables and values, and is not of a later version."""
     # In a temporary file, because guarded databases are opened by path.
-    with storage_errors(backup), tempfile.TemporaryDirectory(prefix="grabberd-restore-") as folder:
+    with disk.storage_errors(backup), tempfile.TemporaryDirectory(prefix="grabberd-restore-") as folder:
         state = Path(folder, STATE)
         state.write_bytes(content)
         _check_database(state, backup)
@@ -261,7 +252,7 @@ def _write_members(folder: Path, members: Mapping[str, bytes]) -> None:
     for name, content in members.items():
         path = folder / name
         path.parent.mkdir(exist_ok=True)
-        write_synced(path, content, OWNER_ONLY if name == STATE else READ_ONLY)
+        disk.write_synced(path, content, disk.OWNER_ONLY if name == STATE else disk.READ_ONLY)
 
 
 def _forget_surroundings(state: Path) -> None:

@@ -30,7 +30,7 @@ from grabberd.archive.state.index_entries import (
 from grabberd.errors import Cause, IndexRebuilding, NotFound, StorageError
 from grabberd.fault_board import FaultBoard
 from grabberd.files.disk import is_damaged, storage_errors
-from grabberd.files.patience import check_patience
+from grabberd.files.reading import check_patience
 
 T = TypeVar("T")
 _LAST = "~"

@@ -16,8 +16,7 @@ from grabberd.archive.capture.reader import CaptureReader
 from grabberd.archive.capture.schema import DAMAGED, PART, SUFFIX
 from grabberd.errors import CaptureFileError, LaterVersion, ReadingGivenUp, StorageError
 from grabberd.files.disk import storage_errors
-from grabberd.files.documents import read_json
-from grabberd.files.patience import Patience, within
+from grabberd.files.reading import Patience, read_json, within
 from grabberd.work.process import HOSTILE, ask_each
 
 SEALED_ENTRY, DAMAGED_ENTRY = "sealed", "damaged"

@@ -25,7 +25,6 @@ from grabberd.archive.state.state_database import (
     copy_of,
     set_aside,
 )
-from grabberd.clock import UtcClock, iso_utc
 from grabberd.errors import Cause, StorageError
 from grabberd.fault_board import FaultBoard
 from grabberd.files.disk import (
@@ -36,6 +35,7 @@ from grabberd.files.disk import (
     sync_directory,
     write_synced,
 )
+from grabberd.runtime import UtcClock, iso_utc
 
 STATE, FOLDER = "state.sqlite", "backups"
 KEPT = 3

@@ -90,10 +90,7 @@ class AcceptedFields(LocalFieldTrial):
 
 
 def try_local_fields(
-    adjustment: Adjustment,
-    lines: int,
-    settings: LocalFieldSettings | None = None,
-    unmodelled_px: float = 0.0,
+    adjustment: Adjustment, lines: int, settings: LocalFieldSettings | None = None, unmodelled_px: float = 0.0
 ) -> LocalFieldTrial:
     """Estimate local fields from an adjustment's residuals, and try them on held-out targets.
 

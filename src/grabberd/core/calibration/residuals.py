@@ -23,6 +23,8 @@ _MEDIAN = 0.6745
 _MASKED = 1.25
 """Factor on the critical value for residuals judged by the σ0 of their median, which hidden blunders
 exceed."""
+_ALPHA = 0.01
+"""Probability of finding a blunder among image points that have none."""
 _EXACT = 1e-3
 _SETTLED = 1e-4
 """Coarse convergence while blunders remain: they show early, and slow convergence down."""
@@ -67,9 +69,7 @@ def critical_tau(count: int, freedom: int, alpha: float) -> float:
 def without_blunders(
     network: Network,
     unknowns: Unknowns,
-    settings: AdjustmentSettings | None = None,
     *,
-    alpha: float = 0.01,
     most_share: float = MOST_SHARE,
 ) -> tuple[Adjustment, tuple[Blunder, ...]]:
     """Adjust and leave out the image point with the greatest τ, repeatedly until none is too great.
@@ -81,8 +81,6 @@ def without_blunders(
     Args:
         network: Image points; a blunder is left out with both coordinates.
         unknowns: Parameters to estimate.
-        settings: Settings of the adjustments.
-        alpha: Probability of finding a blunder among image points that have none.
         most_share: Greatest share of image points that may be left out.
 
     Raises:
@@ -90,11 +88,11 @@ def without_blunders(
     """
     most = most_share * len(network)
     blunders: list[Blunder] = []
-    strict = settings or AdjustmentSettings()
+    strict = AdjustmentSettings()
     for current in (replace(strict, settled=max(strict.settled, _SETTLED)), strict):
         while True:
             adjusted = adjust(network, unknowns, current)
-            blunder, kept = _worst(adjusted, alpha)
+            blunder, kept = _worst(adjusted)
             network = network.starting_from(adjusted.views)
             if blunder is None:
                 break
@@ -105,7 +103,7 @@ def without_blunders(
     return adjusted, tuple(blunders)
 
 
-def _worst(adjusted: Adjustment, alpha: float) -> tuple[Blunder | None, Mask]:
+def _worst(adjusted: Adjustment) -> tuple[Blunder | None, Mask]:
     network = adjusted.network
     kept = np.ones(len(network), np.bool_)
     # A certificate better than stated makes σ0 small: good image points would look like blunders.
@@ -113,7 +111,7 @@ def _worst(adjusted: Adjustment, alpha: float) -> tuple[Blunder | None, Mask]:
     worst = np.nan_to_num(size).max(axis=1)
     # One at a time: a blunder raises the residuals of good points around it.
     index = int(worst.argmax())
-    critical = critical_tau(2 * len(network), adjusted.freedom, alpha) if adjusted.freedom > 1 else np.inf
+    critical = critical_tau(2 * len(network), adjusted.freedom, _ALPHA) if adjusted.freedom > 1 else np.inf
     if max(worst[index], worst[index] / (_MASKED * _inflation(adjusted, size))) <= critical:
         return None, kept
     kept[index] = False
@@ -166,9 +164,7 @@ _NEGLIGIBLE = 0.05
 """Share of the points' own σ below which the common error counts as zero."""
 
 
-def with_unmodelled(
-    network: Network, unknowns: Unknowns, settings: AdjustmentSettings | None = None
-) -> tuple[Network, float]:
+def with_unmodelled(network: Network, unknowns: Unknowns) -> tuple[Network, float]:
     """Enlarge the σ of a network in quadrature so that σ0 becomes 1.
 
     Where image points then still contradict each other by more than their own σ, it is that of the image
@@ -181,14 +177,14 @@ def with_unmodelled(
     Raises:
         MeasurementError: As `adjust`.
     """
-    network, added, adjusted = _balanced(network, unknowns, settings, lambda one: one.sigma0, _ROUGHLY_PX)
+    network, added, adjusted = _balanced(network, unknowns, lambda one: one.sigma0, _ROUGHLY_PX)
     if 0.0 < added < _NEAR * np.sqrt(np.mean(network.sigma_px**2)):
-        own = adjust(network, unknowns, settings)
+        own = adjust(network, unknowns)
         if own.sigma0 < _clear(own.freedom):
             added, adjusted = 0.0, own
     if adjusted.sigma0_images > _clear(adjusted.redundancy.sum()):
         start = max(added, float(np.sqrt(np.mean(network.sigma_px**2))))
-        network, added, _ = _balanced(network, unknowns, settings, lambda one: one.sigma0_images, start)
+        network, added, _ = _balanced(network, unknowns, lambda one: one.sigma0_images, start)
     return enlarged(network, added), added
 
 
@@ -200,7 +196,6 @@ def _clear(freedom: float) -> float:
 def _balanced(
     network: Network,
     unknowns: Unknowns,
-    settings: AdjustmentSettings | None,
     measure: Callable[[Adjustment], float],
     added: float,
 ) -> tuple[Network, float, Adjustment]:
@@ -208,7 +203,7 @@ def _balanced(
     low, high = 0.0, np.inf
     negligible = _NEGLIGIBLE * float(np.sqrt(np.mean(network.sigma_px**2)))
     for _ in range(_MOST_STEPS):
-        adjusted = adjust(enlarged(network, added), unknowns, settings)
+        adjusted = adjust(enlarged(network, added), unknowns)
         network = network.starting_from(adjusted.views)
         sigma0 = measure(adjusted)
         if abs(sigma0 - 1.0) < _ENOUGH or (added == 0.0 and sigma0 < 1.0):

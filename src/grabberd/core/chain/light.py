@@ -112,10 +112,7 @@ class ViewLight:
 
 
 def light_of(
-    field: Field,
-    threshold: int,
-    views: Mapping[str, tuple[int, int]],
-    location: LocationSettings = QUICK,
+    field: Field, threshold: int, views: Mapping[str, tuple[int, int]], location: LocationSettings = QUICK
 ) -> dict[str, ViewLight]:
     """Illumination of a field in every view.
 

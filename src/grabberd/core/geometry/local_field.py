@@ -287,10 +287,7 @@ class ImageMovement:
         shift, sigma = (values.reshape(nodes.shape) for values in (self.at(flat), self.sigma_at(flat)))
         own = LocalField.through(base.origin_px, base.step_px, shift, sigma)
         return LocalField(
-            base.origin_px,
-            base.step_px,
-            base.shift_px + own.shift_px,
-            np.hypot(base.sigma_px, own.sigma_px),
+            base.origin_px, base.step_px, base.shift_px + own.shift_px, np.hypot(base.sigma_px, own.sigma_px)
         )
 
 

@@ -147,11 +147,7 @@ def rotation_angles(rotation: Array) -> tuple[float, float, float]:
     phi = math.atan2(rotation[2, 0], math.hypot(rotation[0, 0], rotation[1, 0]))
     if abs(rotation[0, 0]) < 1e-12 and abs(rotation[1, 0]) < 1e-12:
         return math.atan2(rotation[1, 2], rotation[1, 1]), phi, 0.0
-    return (
-        math.atan2(-rotation[2, 1], rotation[2, 2]),
-        phi,
-        math.atan2(-rotation[1, 0], rotation[0, 0]),
-    )
+    return math.atan2(-rotation[2, 1], rotation[2, 2]), phi, math.atan2(-rotation[1, 0], rotation[0, 0])
 
 
 def _turn(axis: int, angle_rad: float) -> Array:

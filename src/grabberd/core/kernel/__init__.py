@@ -22,12 +22,7 @@ class Kernel(Protocol):
     """Functions of module.c, which documents the contents of the buffers and checks their lengths."""
 
     def locate(
-        self,
-        bits: Buffer,
-        picture: tuple[int, int, int, int, int, int],
-        settings: Buffer,
-        out: Buffer,
-        /,
+        self, bits: Buffer, picture: tuple[int, int, int, int, int, int], settings: Buffer, out: Buffer, /
     ) -> tuple[int, int, float, float, float, float, float]:
         """Locate the blobs of a packed field of 1 bit."""
 
@@ -73,13 +68,7 @@ class Kernel(Protocol):
         """Double, quantise and pack the lines of a field."""
 
     def take(
-        self,
-        lines: Buffer,
-        how: tuple[int, ...],
-        by_pixel: Buffer,
-        out: Buffer,
-        /,
-        *look: Buffer | int,
+        self, lines: Buffer, how: tuple[int, ...], by_pixel: Buffer, out: Buffer, /, *look: Buffer | int
     ) -> tuple[int, int, int]:
         """Copy a field out of its buffer, look at its content, and pack it."""
 

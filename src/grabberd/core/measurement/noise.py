@@ -88,13 +88,7 @@ def binary_sigma_px(area_px: Array, y_step: int, *, doubled: bool) -> Array:
 
 
 def grey_sigma_px(
-    area_px: Array,
-    weight: Array,
-    y_step: int,
-    *,
-    doubled: bool,
-    noise: float,
-    threshold_height: float,
+    area_px: Array, weight: Array, y_step: int, *, doubled: bool, noise: float, threshold_height: float
 ) -> Array:
     """Compute the standard deviation of a centre weighted with the grey value above the threshold.
 

@@ -242,13 +242,7 @@ _EVIDENCE = ("product", "square", "targets")
 """Rows of a field's evidence: departure times velocity, velocity squared, moving targets; for each shift."""
 
 
-def _evidence(
-    around: Array,
-    place: Array,
-    even: Mask,
-    field: Indices,
-    target: Indices,
-) -> Array:
+def _evidence(around: Array, place: Array, even: Mask, field: Indices, target: Indices) -> Array:
     """(fields with movement, 3, 5) sums over the moving targets of each field.
 
     Args:

@@ -22,6 +22,7 @@ from grabberd.instrument.acquisition.device import discover as discover
 from grabberd.instrument.acquisition.numbering import FieldNumbering as FieldNumbering
 from grabberd.instrument.acquisition.numbering import Numbered as Numbered
 from grabberd.instrument.acquisition.numbering.standstill import Standstill as Standstill
+from grabberd.instrument.acquisition.ring import Backlog as Backlog
 from grabberd.instrument.acquisition.ring import Policy as Policy
 from grabberd.instrument.acquisition.ring import Ring as Ring
 from grabberd.instrument.acquisition.ring import RingReader as RingReader

@@ -7,7 +7,6 @@ from datetime import datetime, timedelta
 from grabberd.archive.capture.schema import part_path
 from grabberd.archive.catalogue.archive import Archive
 from grabberd.archive.state.state_database import AnnotationStore
-from grabberd.clock import UtcClock
 from grabberd.documents.captures import CaptureDocument, CaptureGroup, GroupDocument
 from grabberd.documents.requests import CaptureRequest
 from grabberd.errors import Conflict, NotFound
@@ -16,6 +15,7 @@ from grabberd.instrument.capture.capture_request import ArmedCapture, NewCapture
 from grabberd.instrument.capture.capture_start import CaptureStart
 from grabberd.instrument.capture.device_captures import CurrentCaptures, of_device
 from grabberd.instrument.capture.recording import Recording
+from grabberd.runtime import UtcClock
 
 STOPPED = "stopped by the operator"
 

@@ -11,16 +11,15 @@ from grabberd import __version__, runtime
 from grabberd.archive.capture.meta import CaptureMeta
 from grabberd.archive.capture.writer import CaptureWriter
 from grabberd.archive.catalogue.capture_documents import document_without_fields
-from grabberd.clock import Moment, boot_id, iso_utc
 from grabberd.core.ledger import Slot
 from grabberd.errors import GrabberdError, GroupRefused, InputError, NotReady
-from grabberd.instrument.acquisition import Signal
-from grabberd.instrument.capture.begin import Begin, fields_before
+from grabberd.instrument.acquisition import Backlog, Signal
 from grabberd.instrument.capture.capture_request import ArmedCapture, NewCapture
 from grabberd.instrument.capture.device_captures import CurrentCaptures, DeviceCaptures, locked
-from grabberd.instrument.capture.recorder import Backlog, Recorder
+from grabberd.instrument.capture.recorder import Begin, Recorder, fields_before
 from grabberd.instrument.capture.recording import LIVE_RUN, Recording
 from grabberd.instrument.channels.feed import ChannelRecording
+from grabberd.runtime import Moment, boot_id, iso_utc
 
 
 class CaptureStart:

@@ -9,7 +9,6 @@ from typing import TypeVar
 from grabberd import runtime
 from grabberd.archive.catalogue.disk_guard import DiskGuard, bytes_per_field
 from grabberd.archive.measure_setups import misfit
-from grabberd.clock import UtcClock
 from grabberd.config import RigConfig
 from grabberd.core.field import FieldOrder
 from grabberd.core.geometry import Calibration
@@ -21,6 +20,7 @@ from grabberd.instrument.channels.loggers import Loggers
 from grabberd.instrument.device.field_pipeline import FieldPipeline
 from grabberd.instrument.device.status_board import STREAMING, StatusBoard
 from grabberd.instrument.setup import DeviceSetup
+from grabberd.runtime import UtcClock
 
 T = TypeVar("T")
 

@@ -1,19 +1,154 @@
-"""Recording: from the ring into the capture's own queue, from its first field to its last, with a ledger."""
+"""Recording: from the ring into the capture's own queue, from its first field to its last, with a ledger.
 
-import itertools
+Begin of a capture: its first field, and by how many its numbers are off from there on.
+"""
+
 import math
 from collections import deque
 from collections.abc import Iterable
-from typing import Generic, TypeVar
+from dataclasses import dataclass, replace
 
 from grabberd import runtime
-from grabberd.clock import UtcClock
-from grabberd.core.ledger import Ledger, LedgerEntry, Outcome, Slot
+from grabberd.core.ledger import (
+    UNCERTAIN,
+    Ledger,
+    LedgerEntry,
+    LedgerEvent,
+    Outcome,
+    Slot,
+    numbers_off,
+    too_high_by,
+)
 from grabberd.core.measurement.marks import Located
 from grabberd.errors import RingOverrun
-from grabberd.instrument.acquisition import RingReader, StreamInfo
-from grabberd.instrument.capture.begin import Begin, NumbersFromBegin, number_at
+from grabberd.instrument.acquisition import Backlog, RingReader, StreamInfo
 from grabberd.instrument.device.field_pipeline import FieldPipeline
+from grabberd.runtime import UtcClock
+
+
+@dataclass(frozen=True, slots=True)
+class Begin:
+    """Begin of a capture; its first field is not older.
+
+    Attributes:
+        time_ns: The instant of the request or trigger, less the pre-trigger as far as the ring has it; None
+            for a source whose times are not those of the clock: its captures begin with the first field that
+            comes.
+        period_ns: Nominal time from field to field.
+        n: Number of the first field, if the ring had one near it; by jitter, each field gives another.
+    """
+
+    time_ns: int | None
+    period_ns: int
+    n: int | None = None
+
+    @classmethod
+    def of(cls, reader: RingReader, asked_ns: int | None, pre_fields: int, period_ns: int) -> "Begin":
+        """Begin of a capture that was requested, or triggered, at an instant.
+
+        If the ring has had no field yet, there is no pre-trigger either, even if fields are on their way.
+        """
+        if asked_ns is None:
+            return cls(None, period_ns)
+        if reader.oldest is None:
+            return cls(asked_ns, period_ns)
+        begin = cls(max(asked_ns - pre_fields * period_ns, _first_ns(reader.oldest, period_ns)), period_ns)
+        return replace(begin, n=begin.first_n(reader.oldest))
+
+    def first_n(self, slot: Slot) -> int:
+        """Number of the first field that belongs to the capture, derived from a field near it.
+
+        That may be a later one than `slot`, which is then too old, or one that was lost before it.
+        """
+        if self.n is not None:
+            return self.n
+        if self.time_ns is None:
+            return slot.n
+        # Fields before the oldest slot of the ring are not missing: it never had them, or no longer has.
+        return max(number_at(slot, self.time_ns, self.period_ns), slot.first_n)
+
+
+_MEASURED = 100
+"""Fields without a loss that measure the camera's rate during a doubt."""
+
+
+class NumbersFromBegin:
+    """Finds by how many the numbers of a capture are off, beyond what the stream has reported.
+
+    A doubt about numbers may have begun before the capture, and an overrun of the ring may drop reports with
+    their fields. The next certain number is then compared with the time.
+
+    Args:
+        begin: Of the capture.
+    """
+
+    def __init__(self, begin: Begin) -> None:
+        self._begin = begin
+        self._certain: tuple[int, int] | None = None
+        self._is_followed = self._began_in_doubt = False
+        self._reported = 0
+        self._in_a_row: deque[tuple[int, int]] = deque(maxlen=_MEASURED)
+
+    def events(self, slot: Slot) -> tuple[LedgerEvent, ...]:
+        """The changes with a slot that is numbered from the capture's first field."""
+        if self._begin.time_ns is None:
+            return slot.rebases
+        if any(entry.outcome is Outcome.OVERRUN for entry in slot.lost_before):
+            self._is_followed = False
+        is_certain = not (slot.reason or "").startswith(UNCERTAIN)
+        events = slot.rebases
+        if not is_certain:
+            self._measure(slot)
+        if is_certain and not self._is_followed:
+            events = tuple(event for event in events if not too_high_by(event))
+            if off := self._off(slot, self._begin.time_ns):
+                events = (*events, numbers_off(slot.n, off))
+        self._reported += sum(too_high_by(event) for event in events)
+        if is_certain:
+            self._certain, self._reported, self._is_followed = (slot.n, slot.time_ns), 0, True
+        self._began_in_doubt |= not is_certain
+        return events
+
+    def _off(self, slot: Slot, begin_ns: int) -> int:
+        """Fields by which a certain number is too high, counted from the last certain one or the begin."""
+        if self._certain is None:
+            off = number_at(slot, begin_ns, self._period_ns) if self._began_in_doubt else 0
+            return off - self._reported
+        n, time_ns = self._certain
+        return slot.n - n - round((slot.time_ns - time_ns) / self._period_ns) - self._reported
+
+    def _measure(self, slot: Slot) -> None:
+        """Note a field of a doubt, which may last so long that the camera's own rate matters."""
+        if slot.lost_before or slot.rebases:
+            self._in_a_row.clear()
+        self._in_a_row.append((slot.n, slot.time_ns))
+
+    @property
+    def _period_ns(self) -> int:
+        if len(self._in_a_row) < _MEASURED:
+            return self._begin.period_ns
+        (first_n, first_ns), (last_n, last_ns) = self._in_a_row[0], self._in_a_row[-1]
+        return round((last_ns - first_ns) / (last_n - first_n))
+
+
+def _first_ns(oldest: Slot, period_ns: int) -> int:
+    """Time just before the first field that the ring still has, or has lost before its oldest slot."""
+    return oldest.time_ns - (oldest.n - oldest.first_n) * period_ns - period_ns // 2
+
+
+def number_at(slot: Slot, time_ns: int, period_ns: int) -> int:
+    """Number of the first field that is not exposed before a given time."""
+    return slot.n - (slot.time_ns - time_ns) // period_ns
+
+
+def fields_before(reader: RingReader, newest: Slot | None, begin: Begin, trigger_ns: int) -> int:
+    """Number of fields from the begin of a capture to its trigger, as far as the ring has them."""
+    if reader.oldest is None or newest is None:
+        return 0
+    first_n = begin.first_n(reader.oldest)
+    if begin.time_ns is None:
+        return newest.n + 1 - first_n
+    return max(number_at(newest, trigger_ns, begin.period_ns) - first_n, 0)
 
 
 def cut(entries: Iterable[LedgerEntry], first_n: int, end_n: float = math.inf) -> tuple[LedgerEntry, ...]:
@@ -26,7 +161,6 @@ def cut(entries: Iterable[LedgerEntry], first_n: int, end_n: float = math.inf) -
     return tuple(parts)
 
 
-T = TypeVar("T")
 GRACE_NS = 1_000_000_000
 """Time after its due end that a capture of given length still waits for missing fields."""
 SILENT_FIELDS = 5
@@ -38,109 +172,6 @@ Together 1.2 s: longer than the capture thread takes to notice a stall (0.8 s) a
 """
 TAKE_S = 0.1
 """Longest wait for a slot; also how long a stop may go unnoticed while no fields come."""
-
-
-class Backlog(Generic[T]):
-    """An append-only list that forgets its head once it is on disk; indices count from the first item ever.
-
-    If the writer falls behind by more than `capacity` items, `append` refuses. The measuring worker may fall
-    behind without limit: it reads forgotten items from the file.
-
-    Attributes:
-        capacity: Number of items that the writer may fall behind.
-        deepest: The most items that ever waited for the writer.
-    """
-
-    def __init__(self, capacity: int) -> None:
-        self.capacity = capacity
-        self.deepest = 0
-        self._items: deque[T] = deque()
-        self._first = 0
-        self._written = 0
-        self._closed = False
-        self._changed = runtime.condition()
-
-    @property
-    def end(self) -> int:
-        """Index after the last item."""
-        with self._changed:
-            return self._end()
-
-    @property
-    def closed(self) -> bool:
-        """True if nothing will be appended any more."""
-        return self._closed
-
-    def append(self, item: T) -> bool:
-        """Appends an item; returns False, and appends nothing, if the writer is `capacity` items behind."""
-        with self._changed:
-            waiting = self._end() - self._written
-            if waiting >= self.capacity:
-                return False
-            self._items.append(item)
-            self.deepest = max(self.deepest, waiting + 1)
-            self._changed.notify_all()
-            return True
-
-    def close(self) -> None:
-        """Ends the list: nothing will be appended any more; waiting threads are woken."""
-        with self._changed:
-            self._closed = True
-            self._changed.notify_all()
-
-    @property
-    def room(self) -> int:
-        """Number of items that the writer may still fall behind."""
-        with self._changed:
-            return self.capacity - (self._end() - self._written)
-
-    def from_index(self, index: int, timeout_s: float) -> list[T]:
-        """All items from an unforgotten index on; waits up to `timeout_s` for the first of them."""
-        with self._changed:
-            self._changed.wait_for(lambda: index < self._end() or self._closed, timeout_s)
-            return list(itertools.islice(self._items, index - self._first, None))
-
-    def written(self, count: int) -> None:
-        """Marks the next `count` items as on disk; all but the latest `capacity` of them are forgotten."""
-        with self._changed:
-            self._written += count
-            # The latest stay in memory for the worker, which reads only forgotten ones from the file.
-            while self._first < self._written and len(self._items) > self.capacity:
-                self._items.popleft()
-                self._first += 1
-            self._changed.notify_all()
-
-    def drop(self) -> None:
-        """Forgets all items: they are on disk, and nobody will ask for one any more."""
-        with self._changed:
-            self._first = self._end()
-            self._items.clear()
-
-    def at(self, index: int, timeout_s: float) -> T | None:
-        """The item at an index; None if it does not come in time, or never will.
-
-        Raises:
-            LookupError: It has been forgotten; it is on disk.
-        """
-        with self._changed:
-            self._changed.wait_for(lambda: index < self._end() or self._closed, timeout_s)
-            if index < self._first:
-                raise LookupError(f"item {index} is forgotten, the oldest is {self._first}")
-            return self._items[index - self._first] if index < self._end() else None
-
-    def oldest(self) -> tuple[int, T]:
-        """Index of the oldest item that is not forgotten, and the item.
-
-        Raises:
-            LookupError: Nothing was ever appended.
-        """
-        with self._changed:
-            if not self._items:
-                raise LookupError("nothing was ever appended")
-            return self._first, self._items[0]
-
-    def _end(self) -> int:
-        return self._first + len(self._items)
 
 
 class Recorder:

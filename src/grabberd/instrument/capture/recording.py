@@ -13,7 +13,6 @@ from grabberd.archive.capture.schema import PART, RESERVE_BYTES, sealed_path
 from grabberd.archive.capture.writer import CaptureWriter
 from grabberd.archive.catalogue.capture_documents import document_of
 from grabberd.archive.catalogue.disk_guard import DiskGuard
-from grabberd.clock import UtcClock
 from grabberd.core.chain.measure import MeasuredField
 from grabberd.core.channels.account import Account
 from grabberd.core.field import NumberedField
@@ -26,6 +25,7 @@ from grabberd.errors import DeviceLost, GrabberdError, StorageError, StreamEnded
 from grabberd.instrument.capture.capture_request import NewCapture
 from grabberd.instrument.capture.recorder import Recorder
 from grabberd.instrument.channels.feed import ChannelRecording
+from grabberd.runtime import UtcClock
 
 ROOM_SLOTS = 8
 """A source that waits for its reader is held back if so many slots wait, or so few places are left."""

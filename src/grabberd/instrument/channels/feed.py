@@ -11,12 +11,12 @@ from numpy.typing import NDArray
 from grabberd import runtime
 from grabberd.archive.capture.reading_groups import ChannelCalibration, RecordedChannel, RecordedReadings
 from grabberd.archive.capture.writer import CaptureWriter
-from grabberd.clock import UtcClock
 from grabberd.config import LoggerConfig
 from grabberd.core.channels import Anomaly, Dating, LoggerInfo
 from grabberd.core.channels.account import Account, AnomalyLedger, ChannelAccount, ChannelLedger
 from grabberd.core.channels.vacuum import Channel
 from grabberd.instrument.channels.logger_board import LoggerBoard
+from grabberd.runtime import UtcClock
 
 STEP_NS = 20_000_000
 """Time over which readings are averaged: short compared with a pulsation, at any rate of the camera."""

@@ -5,11 +5,11 @@ from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 
 from grabberd import runtime
-from grabberd.clock import UtcClock, iso_utc
 from grabberd.core.channels import Anomaly, LoggerInfo
 from grabberd.core.channels.account import AnomalyCount, AnomalyLedger
 from grabberd.documents.enums import DeviceState
 from grabberd.errors import Cause, DeviceError, GrabberdError
+from grabberd.runtime import UtcClock, iso_utc
 
 log = logging.getLogger(__name__)
 

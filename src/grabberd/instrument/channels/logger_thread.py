@@ -8,7 +8,6 @@ import logging
 import numpy as np
 
 from grabberd import runtime
-from grabberd.clock import UtcClock
 from grabberd.core.channels import Anomaly, LoggerInfo, Readings
 from grabberd.core.channels.vacuum import VacuumChannels
 from grabberd.documents.enums import DeviceState
@@ -25,6 +24,7 @@ from grabberd.instrument.device.recovery import (
     reason_of,
     trouble_of,
 )
+from grabberd.runtime import UtcClock
 
 AHEAD_NS = 1_000_000_000
 """How far a reading may be in the future: synchronised clocks differ by less."""

@@ -9,7 +9,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from grabberd.archive.capture.reading_groups import RecordedChannel
-from grabberd.clock import SystemClock, UtcClock
 from grabberd.config.section import without_secrets
 from grabberd.core.channels import Dating, LoggerInfo
 from grabberd.core.channels.vacuum import Channel
@@ -22,6 +21,7 @@ from grabberd.instrument.channels.feed import ChannelRecording, Feed, LoggerReco
 from grabberd.instrument.channels.logger_board import LoggerBoard
 from grabberd.instrument.channels.logger_setup import LoggerSetup
 from grabberd.instrument.channels.logger_thread import LoggerThread
+from grabberd.runtime import SystemClock, UtcClock
 
 STOP_S = 1.0
 """Time for all loggers together to close; one that hangs is abandoned."""

@@ -6,7 +6,6 @@ from collections.abc import Callable, Iterable
 from typing import Protocol
 
 from grabberd import runtime
-from grabberd.clock import UtcClock
 from grabberd.core.ledger import NO_SIGNAL, Slot
 from grabberd.documents.enums import DeviceState, Rung
 from grabberd.errors import (
@@ -24,6 +23,7 @@ from grabberd.instrument.device.field_pipeline import FieldPipeline
 from grabberd.instrument.device.recovery import Failure, FaultLog, Ladder, Step, reason_of, trouble_of
 from grabberd.instrument.device.scheduling import Scheduling, ThreadAccount
 from grabberd.instrument.device.status_board import StatusBoard, cause_of
+from grabberd.runtime import UtcClock
 
 log = logging.getLogger(__name__)
 

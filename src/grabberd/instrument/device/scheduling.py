@@ -11,11 +11,11 @@ from collections.abc import Callable
 from contextlib import suppress
 from typing import NamedTuple
 
-from grabberd.clock import UtcClock, iso_utc
 from grabberd.core.field import PAL_HZ
 from grabberd.errors import Cause, DeviceRefused
 from grabberd.instrument.acquisition import Standstill
 from grabberd.instrument.acquisition.numbering.standstill import StandstillOfDriver
+from grabberd.runtime import UtcClock, iso_utc
 
 _NOTABLE = 0.5
 """Shortest pause that counts, in periods."""

@@ -12,7 +12,6 @@ from itertools import chain
 from typing import NamedTuple
 
 from grabberd import runtime
-from grabberd.clock import UtcClock, iso_utc
 from grabberd.core.field import PAL_HZ
 from grabberd.core.ledger import LossCause, Outcome, Rebase, Slot, cause_of_loss
 from grabberd.documents.enums import DeviceState, Rung
@@ -21,6 +20,7 @@ from grabberd.instrument.acquisition import Standstill
 from grabberd.instrument.acquisition.device import Signal, StreamInfo
 from grabberd.instrument.device.recovery import Step
 from grabberd.instrument.device.scheduling import Standstills
+from grabberd.runtime import UtcClock, iso_utc
 
 KEPT_S = 60
 LATELY_S = 10
@@ -225,11 +225,7 @@ class StatusBoard:
         return (len(arrivals_ns) - 1) * 1e9 / max(arrivals_ns[-1] - arrivals_ns[0], 1)
 
     def enter(
-        self,
-        state: DeviceState,
-        cause: str | None = None,
-        hint: str | None = None,
-        code: Cause | None = None,
+        self, state: DeviceState, cause: str | None = None, hint: str | None = None, code: Cause | None = None
     ) -> None:
         """Changes the state to one that may follow the present one.
 

@@ -11,7 +11,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from grabberd import runtime
-from grabberd.clock import UtcClock
 from grabberd.core.chain.measure import MeasuredField, MeasureSetup, measure_fields
 from grabberd.core.field import NumberedField
 from grabberd.core.ledger import Outcome
@@ -20,6 +19,7 @@ from grabberd.core.reconstruction import Coverage, CoverageTally
 from grabberd.instrument.acquisition import Policy
 from grabberd.instrument.device.field_pipeline import ARRIVALS, FieldPipeline
 from grabberd.instrument.device.field_watch import FieldHistory, FieldOrderHealth, RigHealth
+from grabberd.runtime import UtcClock
 
 PATIENCE_S = 0.05
 """Longest wait for the lock: a slow field of another worker delays this one by no more."""

@@ -13,7 +13,6 @@ from grabberd import runtime
 from grabberd.archive.export.field_pictures import grey_png
 from grabberd.archive.export.page_documents import point_columns
 from grabberd.archive.measure_setups import location_settings, nominal_rig, settings_of
-from grabberd.clock import UtcClock, iso_utc, utc_of, utc_us
 from grabberd.core.chain.light import light_of
 from grabberd.core.chain.locating import px_per_mm, sized, whole
 from grabberd.core.chain.measure import MeasureSetup
@@ -45,6 +44,7 @@ from grabberd.instrument.device.threshold_keeper import Shown
 from grabberd.instrument.device.worker import Live
 from grabberd.instrument.instrument import Instrument
 from grabberd.instrument.setup import DeviceSetup
+from grabberd.runtime import UtcClock, iso_utc, utc_of, utc_us
 
 
 class PointsEncoder:

@@ -7,7 +7,6 @@ is unknown is not called good, and old measurements are not shown as current.
 from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
-from grabberd.clock import UtcClock
 from grabberd.core.reconstruction.drift_check import RigVerdict
 from grabberd.documents.devices import (
     DeviceHealth,
@@ -27,6 +26,7 @@ from grabberd.instrument.device.field_watch import WHAT_TO_DO
 from grabberd.instrument.device.status_board import LATELY_S, STREAMING, DeviceStatus
 from grabberd.instrument.instrument import Instrument
 from grabberd.instrument.live.field_streams import CURRENT_NS
+from grabberd.runtime import UtcClock
 
 LEVELS: tuple[HealthLevel, ...] = ("good", "unknown", "warning", "bad")
 _DAEMONS_OWN: frozenset[HealthPart] = frozenset({"computer", "records", "clock"})
@@ -44,9 +44,16 @@ _EARLIEST = 2026
 
 
 def _part(
-    level: HealthLevel, word: str, message: str = "", hint: str = "", code: Cause | None = None
+    level: HealthLevel,
+    word: str,
+    message: str = "",
+    hint: str = "",
+    code: Cause | None = None,
+    since_utc: str | None = None,
 ) -> HealthPartDocument:
-    return HealthPartDocument(level=level, word=word, message=message, hint=hint, cause_code=code)
+    return HealthPartDocument(
+        level=level, word=word, message=message, hint=hint, cause_code=code, since_utc=since_utc
+    )
 
 
 _GOOD = _part("good", "good")
@@ -137,27 +144,16 @@ def _grabber(status: DeviceStatus) -> HealthPartDocument:
         level, word = "unknown", "opening"
     elif status.state is DeviceState.ENDED:
         level = "unknown"
-    return HealthPartDocument(
-        level=level,
-        word=word,
-        message=f"it is {status.state}" + (f": {status.cause}" if status.cause else ""),
-        hint=status.hint or "wait; the daemon keeps trying",
-        cause_code=status.code,
-        since_utc=status.since_utc,
-    )
+    message = f"it is {status.state}" + (f": {status.cause}" if status.cause else "")
+    hint = status.hint or "wait; the daemon keeps trying"
+    return _part(level, word, message, hint, status.code, status.since_utc)
 
 
 def _signal(status: DeviceStatus) -> HealthPartDocument:
     if status.state is not DeviceState.NO_SIGNAL and status.signal is not Signal.ABSENT:
         return _GOOD
-    return HealthPartDocument(
-        level="bad",
-        word="absent",
-        message=status.cause or "the camera gives no signal",
-        hint=status.hint or "check camera and cable",
-        cause_code=status.code or Cause.NO_SIGNAL,
-        since_utc=status.since_utc,
-    )
+    message, hint = status.cause or "the camera gives no signal", status.hint or "check camera and cable"
+    return _part("bad", "absent", message, hint, status.code or Cause.NO_SIGNAL, status.since_utc)
 
 
 def _rate(instrument: Instrument) -> HealthPartDocument:
@@ -214,14 +210,8 @@ def _computer(instrument: Instrument) -> HealthPartDocument:
     if shown is None:
         return _GOOD
     words = {Cause.PROGRAM_STOPPED: "stopped", Cause.DRIVER_HUNG: "hung"}
-    return HealthPartDocument(
-        level="warning",
-        word=words.get(shown.code, "busy"),
-        message=shown.cause,
-        hint=shown.hint,
-        cause_code=shown.code,
-        since_utc=shown.utc,
-    )
+    word = words.get(shown.code, "busy")
+    return _part("warning", word, shown.cause, shown.hint, shown.code, shown.utc)
 
 
 def _ring(instrument: Instrument) -> HealthPartDocument:

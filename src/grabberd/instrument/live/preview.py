@@ -11,7 +11,6 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from grabberd.clock import UtcClock, utc_us
 from grabberd.core.chain.light import CLIPPED_LEVEL
 from grabberd.core.field import Field, PackedField, quantise, unpack
 from grabberd.core.ledger import Outcome, Slot
@@ -19,6 +18,7 @@ from grabberd.core.reconstruction import Points
 from grabberd.instrument.device.threshold_keeper import Shown
 from grabberd.instrument.device.worker import Live
 from grabberd.instrument.instrument import Instrument
+from grabberd.runtime import UtcClock, utc_us
 
 BLACK_LEVEL = 1
 """Grey value up to which a pixel is clipped at black."""

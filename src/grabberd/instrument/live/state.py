@@ -31,10 +31,7 @@ from grabberd.instrument.live.health import Surroundings, device_health, lacks_o
 
 
 def device_document(
-    instrument: Instrument,
-    active: ActiveCalibrations,
-    around: Surroundings,
-    fields: Mapping[str, object],
+    instrument: Instrument, active: ActiveCalibrations, around: Surroundings, fields: Mapping[str, object]
 ) -> DeviceDocument:
     """Current document of a device, with the fields added by others."""
     health = device_health(instrument, around)

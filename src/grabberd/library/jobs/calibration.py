@@ -15,7 +15,6 @@ from grabberd.archive.calibrations.calibration_catalog import CALIBRATION_FRAME_
 from grabberd.archive.capture.reader import CaptureReader
 from grabberd.archive.measure_setups import location_settings, misfit, nominal_rig, settings_of_capture
 from grabberd.bounded_documents import as_written
-from grabberd.clock import SystemClock, iso_utc
 from grabberd.config import RigConfig
 from grabberd.core.calibration.adjustment.network import LENS
 from grabberd.core.calibration.identification.frame_identification import IdentificationSettings
@@ -35,6 +34,7 @@ from grabberd.documents.calibration_reports import CalibrationReport
 from grabberd.documents.document import JsonObject
 from grabberd.documents.requests import CalibrationOptions, CaptureMark, CertifiedLength, TargetMark
 from grabberd.errors import InputError, said
+from grabberd.runtime import SystemClock, iso_utc
 from grabberd.work.job_spec import Progress, counted, portion
 
 _LOCATED = 0.8

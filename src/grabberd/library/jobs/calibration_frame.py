@@ -17,19 +17,9 @@ from grabberd.core.chain.calibration.frame_capture import identify
 from grabberd.core.field import NumberedField
 from grabberd.core.geometry import Calibration
 from grabberd.core.reconstruction import ObjectModel
+from grabberd.documents import jobs
 from grabberd.documents.calibration_reports import PixelAxes
 from grabberd.documents.document import JobProblem, JsonObject, assembled
-from grabberd.documents.jobs import (
-    AxesDocument,
-    CheckResult,
-    IdentificationResult,
-    IdentifiedTarget,
-    IdentifiedView,
-    ImagePosition,
-    Placement,
-    ShownField,
-    SoughtTarget,
-)
 from grabberd.documents.requests import TargetMark
 from grabberd.errors import AmbiguousView, MirroredPicture, NotReady
 from grabberd.library.jobs.calibration import as_mark, recorded_location, recorded_rig
@@ -50,7 +40,7 @@ def identify_file(
     calibration_frame: JsonObject,
     turn_deg: float | None = None,
     marks: Sequence[TargetMark] = (),
-) -> IdentificationResult:
+) -> jobs.IdentificationResult:
     """Identifies the targets in fields from the whole length of a sealed capture.
 
     Args:
@@ -80,7 +70,7 @@ def identify_file(
         capture = reader.meta.id
     sides = zip(VIEWS, seen.images, seen.target, strict=True)
     refusal, found = seen.refusal, seen.identification
-    return IdentificationResult(
+    return jobs.IdentificationResult(
         capture=capture,
         calibration_frame=model.name,
         of=len(model),
@@ -95,15 +85,15 @@ def identify_file(
     )
 
 
-def _sought(refusal: AmbiguousView, model: ObjectModel) -> list[SoughtTarget]:
+def _sought(refusal: AmbiguousView, model: ObjectModel) -> list[jobs.SoughtTarget]:
     """The targets that are asked for, with their places on the frame and those in the picture."""
     places_mm = dict(zip(model.target.tolist(), model.xyz_mm.tolist(), strict=True))
     return [
-        SoughtTarget(
+        jobs.SoughtTarget(
             target=one.id,
             x_mm=places_mm[one.id][0],
             y_mm=places_mm[one.id][1],
-            places=[ImagePosition(x_px=round(x, 2), y_px=round(y, 2)) for x, y in one.places_px],
+            places=[jobs.ImagePosition(x_px=round(x, 2), y_px=round(y, 2)) for x, y in one.places_px],
         )
         for one in refusal.asks
     ]
@@ -115,25 +105,26 @@ def _spread(reader: CaptureReader) -> Iterator[NumberedField]:
     return islice(reader.received(), 0, None, step)
 
 
-def _picture(fields: list[NumberedField], moved: bool) -> ShownField:
+def _picture(fields: list[NumberedField], moved: bool) -> jobs.ShownField:
     """Chooses the field to show the targets on, and where its rows lie in the frame.
 
     Of a calibration frame that moved, the positions are those of the first field, not means over all.
     """
     chosen = fields[0 if moved else len(fields) // 2]
-    return ShownField(field=chosen.n, y0=chosen.packed.y0, y_step=chosen.packed.y_step)
+    return jobs.ShownField(field=chosen.n, y0=chosen.packed.y0, y_step=chosen.packed.y_step)
 
 
-def _view(images: MeanImages, target: NDArray[np.intp], model: ObjectModel) -> IdentifiedView:
-    positions = [ImagePosition(x_px=round(x, 2), y_px=round(y, 2)) for x, y in images.xy_px.tolist()]
+def _view(images: MeanImages, target: NDArray[np.intp], model: ObjectModel) -> jobs.IdentifiedView:
+    positions = [jobs.ImagePosition(x_px=round(x, 2), y_px=round(y, 2)) for x, y in images.xy_px.tolist()]
     found = {
         int(model.target[index]): position
         for index, position in zip(target, positions, strict=True)
         if index >= 0
     }
-    return IdentifiedView(
+    return jobs.IdentifiedView(
         found=[
-            IdentifiedTarget(target=one, x_px=found[one].x_px, y_px=found[one].y_px) for one in sorted(found)
+            jobs.IdentifiedTarget(target=one, x_px=found[one].x_px, y_px=found[one].y_px)
+            for one in sorted(found)
         ],
         missing=[one for one in model.target.tolist() if one not in found],
         other=[position for index, position in zip(target, positions, strict=True) if index < 0],
@@ -155,7 +146,7 @@ def check_file(
     calibration_frame: JsonObject,
     calibration: JsonObject | None = None,
     in_place: bool = False,
-) -> CheckResult:
+) -> jobs.CheckResult:
     """Checks a calibration with a sealed capture of the calibration frame.
 
     Args:
@@ -196,9 +187,9 @@ def check_file(
 
 def _result(
     found: Check, capture_id: str, calibration_id: str, calibration_frame: str, *, in_place: bool
-) -> CheckResult:
+) -> jobs.CheckResult:
     return assembled(
-        CheckResult,
+        jobs.CheckResult,
         found,
         capture=capture_id,
         calibration=calibration_id,
@@ -207,11 +198,11 @@ def _result(
         verdict=found.verdict.value,
         advice=ADVICE[found.verdict],
         reasons=list(found.reasons),
-        rmse=AxesDocument(**found.rmse._asdict()),
+        rmse=jobs.AxesDocument(**found.rmse._asdict()),
         shift_px=_by_view(found.shift_px),
         residual_px=_by_view(found.residual_px),
-        as_placed=AxesDocument(**found.as_placed._asdict()),
-        placed=Placement(angle_deg=found.placed.angle_deg, shift_mm=found.placed.shift_mm.tolist()),
+        as_placed=jobs.AxesDocument(**found.as_placed._asdict()),
+        placed=jobs.Placement(angle_deg=found.placed.angle_deg, shift_mm=found.placed.shift_mm.tolist()),
     )
 
 

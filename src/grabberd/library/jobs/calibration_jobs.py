@@ -6,11 +6,11 @@ What calibrates is imported where a job runs: the daemon does without it.
 from dataclasses import replace
 
 from grabberd.archive.state.calibration_store import CalibrationRecord, CalibrationStore
-from grabberd.clock import SystemClock, iso_utc
 from grabberd.documents.document import JsonObject, Turn
 from grabberd.documents.jobs import CalibrationResult, IdentificationResult
 from grabberd.documents.requests import CalibrationOptions, CaptureName, TargetMark
 from grabberd.errors import ExtraMissing
+from grabberd.runtime import SystemClock, iso_utc
 from grabberd.work.job_spec import JobContext, JobSpec, Progress
 
 

@@ -17,7 +17,6 @@ from grabberd.archive.capture.runs import append_run
 from grabberd.archive.catalogue.capture_documents import whole_coverage
 from grabberd.archive.measure_setups import INCLUDE_DAMAGED, measure_setup
 from grabberd.bounded_documents import parse_yaml, yaml_text
-from grabberd.clock import SystemClock, iso_utc
 from grabberd.core.chain.measure import FIELDS_AT_ONCE, MeasuredField, measure_fields
 from grabberd.core.chain.nominal_places import NominalPlaces, nominal_places
 from grabberd.core.reconstruction import CoverageTally, ObjectModel
@@ -29,6 +28,7 @@ from grabberd.documents.document import JsonObject
 from grabberd.documents.jobs import MeasurementResult
 from grabberd.errors import MeasurementError, NotReady, StorageError
 from grabberd.files.disk import storage_errors, write_synced
+from grabberd.runtime import SystemClock, iso_utc
 from grabberd.work.job_spec import JobContext, JobSpec, Progress, counted
 
 JOB = "job"

@@ -17,7 +17,6 @@ from grabberd.server.api.guard.authentication import Attempts, Authenticator, ch
 from grabberd.server.api.guard.front import Front
 from grabberd.server.api.guard.gate import Gate, HeadAsGet
 from grabberd.server.api.guard.limits import Streams
-from grabberd.server.api.idempotency import KeptSince
 from grabberd.server.api.openapi import describe
 from grabberd.server.api.readings import Readings
 from grabberd.server.api.routes import (
@@ -31,6 +30,7 @@ from grabberd.server.api.routes import (
     page,
     system,
 )
+from grabberd.server.api.routes.dependencies import KeptSince
 from grabberd.server.api.snapshots import Shortcuts, Snapshots
 from grabberd.server.api.streams.feeds import Feeds
 from grabberd.server.daemon.service import Service

@@ -22,7 +22,7 @@ from starlette.types import Receive
 from grabberd.archive.capture_contents import LIMITS, read
 from grabberd.config import HttpLimits
 from grabberd.errors import ReadingGivenUp
-from grabberd.files.patience import given_up
+from grabberd.files.reading import given_up
 from grabberd.server.api.answers import AnswerMemory, held, released_with
 from grabberd.server.api.problems import Refusal
 from grabberd.server.api.streams.downloads import Download, download

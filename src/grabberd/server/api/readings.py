@@ -22,7 +22,7 @@ from fastapi.responses import Response
 from starlette.types import Receive
 
 from grabberd.config import HttpLimits
-from grabberd.files.patience import CURRENT, Patience, check_patience
+from grabberd.files.reading import CURRENT, Patience, check_patience
 from grabberd.server.api.answers import OF_A_READ, held, released_with
 from grabberd.server.api.contents import Content, Contents, check_room, client_left
 from grabberd.server.api.responses import rendered

@@ -2,7 +2,7 @@
 
 import hashlib
 import inspect
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from functools import wraps
 from typing import Annotated, Any
 
@@ -69,11 +69,10 @@ def tagged(
     media_type: str,
     if_none_match: str | None,
     cache: str = REVALIDATE,
-    headers: Mapping[str, str] | None = None,
     etag: str | None = None,
 ) -> Response:
     """The content with its ETag, which may be known already, or 304 if the client has it."""
-    own = {**(headers or {}), "ETag": etag or etag_of(content), "Cache-Control": cache}
+    own = {"ETag": etag or etag_of(content), "Cache-Control": cache}
     if is_known(own["ETag"], if_none_match):
         return Response(status_code=status.HTTP_304_NOT_MODIFIED, headers=own)
     return Response(content, media_type=media_type, headers=own)

@@ -22,10 +22,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, TextIO
 
 from grabberd import __version__
-from grabberd.clock import SystemClock, iso_utc
 from grabberd.config.section import without_secrets
 from grabberd.documents.document import JsonObject
 from grabberd.instrument.acquisition import GRABBERS, discover
+from grabberd.runtime import SystemClock, iso_utc
 
 if TYPE_CHECKING:
     from grabberd.server.daemon.service import Service

@@ -19,7 +19,6 @@ from grabberd.archive.state.calibration_store import CalibrationRecord
 from grabberd.archive.state.job_store import JobStore
 from grabberd.archive.state.state_database import AnnotationStore, IdempotencyStore, StateStore
 from grabberd.archive.state.state_keeper import CAPTURES_FOLDER, STATE, StateKeeper
-from grabberd.clock import SystemClock, UtcClock, iso_utc
 from grabberd.config import Config, StorageConfig, default_config_file
 from grabberd.config.section import without_secrets
 from grabberd.core.geometry import Calibration
@@ -44,6 +43,7 @@ from grabberd.instrument.live.health import Surroundings
 from grabberd.instrument.live.state import device_document
 from grabberd.instrument.settings import Settings, configuration_document
 from grabberd.instrument.setup import DeviceSetup, configured_calibrations
+from grabberd.runtime import SystemClock, UtcClock, iso_utc
 from grabberd.server.daemon.jobs import KINDS, JobContexts
 from grabberd.server.daemon.upkeep import STATE_EVERY, Upkeep
 from grabberd.work.job_queue import JobQueue
@@ -431,10 +431,7 @@ class Service:
     def device_document(self, instrument: Instrument, around: Surroundings | None = None) -> DeviceDocument:
         """Present state of a device."""
         return device_document(
-            instrument,
-            self.active,
-            around or self.surroundings(),
-            self.parts.device_fields(instrument.name),
+            instrument, self.active, around or self.surroundings(), self.parts.device_fields(instrument.name)
         )
 
     def recordings(self) -> list[Recording]:

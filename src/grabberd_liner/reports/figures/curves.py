@@ -19,11 +19,7 @@ _TOP_MM, _BOTTOM_MM, _PANEL_MM, _GAP_MM = 8.0, 11.0, 27.0, 9.0
 _LEFT_MM, _RIGHT_MM = 17.0, 3.0
 # Names in the legend of the columns that share a panel.
 _PRESSURE = {"mean_contact_kpa": "mean", "greatest_contact_kpa": "greatest"}
-_PROFILE = {
-    "load [N/mm]": "load_n_per_mm",
-    "compression [kPa]": "compression_kpa",
-    "gap [mm]": "gap_mm",
-}
+_PROFILE = {"load [N/mm]": "load_n_per_mm", "compression [kPa]": "compression_kpa", "gap [mm]": "gap_mm"}
 _VACUUM = {"pulsation_vacuum_kpa": "pulsation chamber", "liner_vacuum_kpa": "liner"}
 
 

@@ -21,7 +21,7 @@ from grabberd.archive.capture.schema import reading_errors
 from grabberd.archive.guarded_database import GuardedConnection
 from grabberd.config import HttpLimits
 from grabberd.errors import ReadingGivenUp
-from grabberd.files.patience import check_patience
+from grabberd.files.reading import check_patience
 from grabberd.server.api.contents import WAITING_A_THREAD
 from grabberd.server.api.problems import Refusal
 from grabberd.server.api.readings import Readings

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from grabberd.errors import ReadingGivenUp
-from grabberd.files.patience import check_patience
+from grabberd.files.reading import check_patience
 
 
 def echo(word: str) -> bytes:

@@ -239,7 +239,7 @@ class Proxies:
             return scope
         headers = Headers(scope=scope)
         scheme = scope["scheme"]
-        if _last(headers, "x-forwarded-proto").lower() == "https":
+        if next(_from_last(headers, "x-forwarded-proto")).lower() == "https":
             scheme = _SECURE.get(scheme, scheme)
         address = self._client(headers)
         return {**scope, "scheme": scheme, "client": client if address is None else (address, 0)}
@@ -260,10 +260,6 @@ class Proxies:
 def _from_last(headers: Headers, name: str) -> Iterator[str]:
     words = ",".join(headers.getlist(name)).split(",")
     return (word.strip() for word in reversed(words))
-
-
-def _last(headers: Headers, name: str) -> str:
-    return next(_from_last(headers, name))
 
 
 LOOPBACK_NAMES = frozenset({"localhost", "127.0.0.1", "::1"})

@@ -34,16 +34,17 @@ from grabberd.documents.requests import (
 )
 from grabberd.library.jobs.calibration_jobs import CalibrationJob, IdentificationJob
 from grabberd.server.api.guard.authentication import IdentityOf
-from grabberd.server.api.idempotency import ACCEPTED_ONCE, OnceRoute
 from grabberd.server.api.problems import Refusal
 from grabberd.server.api.readings import reads
 from grabberd.server.api.responses import NOT_MODIFIED, IfNoneMatch, tagged
 from grabberd.server.api.routes.dependencies import (
+    ACCEPTED_ONCE,
     PROBLEMS,
     REPORT_HEADERS,
     CaptureId,
     Cursor,
     Limit,
+    OnceRoute,
     ServiceOf,
     accepted,
     page_of,

@@ -19,7 +19,6 @@ from grabberd.archive.catalogue.capture_list import list_captures as page_of_cap
 from grabberd.archive.catalogue.capture_query import CaptureQuery, Order, Position
 from grabberd.archive.catalogue.capture_zip import captures_zip
 from grabberd.archive.measure_setups import INCLUDE_DAMAGED
-from grabberd.clock import iso_utc
 from grabberd.documents.captures import (
     MOST_AT_ONCE,
     BatchDocument,
@@ -40,10 +39,18 @@ from grabberd.documents.requests import (
 )
 from grabberd.errors import InputError, NotFound
 from grabberd.library.jobs.measurement import MeasurementJob
-from grabberd.server.api.idempotency import ACCEPTED_ONCE, OnceRoute
+from grabberd.runtime import iso_utc
 from grabberd.server.api.readings import reads
 from grabberd.server.api.responses import RenderedRoute
-from grabberd.server.api.routes.dependencies import PROBLEMS, CaptureId, Limit, ServiceOf, accepted
+from grabberd.server.api.routes.dependencies import (
+    ACCEPTED_ONCE,
+    PROBLEMS,
+    CaptureId,
+    Limit,
+    OnceRoute,
+    ServiceOf,
+    accepted,
+)
 from grabberd.server.api.streams.downloads import Download, download
 
 

@@ -12,10 +12,10 @@ from starlette.concurrency import run_in_threadpool
 
 from grabberd import __version__
 from grabberd.archive.access import SESSION_LIFE, Identity
-from grabberd.clock import iso_utc
 from grabberd.documents.document import JsonObject
 from grabberd.documents.state import SessionDocument
 from grabberd.errors import NotFound
+from grabberd.runtime import iso_utc
 from grabberd.server.api.guard.authentication import COOKIE, Authenticator, Credentials, IdentityOf
 from grabberd.server.api.guard.front import Front
 from grabberd.server.api.problems import Refusal
@@ -27,11 +27,7 @@ from grabberd.server.web import POLICY, Files, Site, StaticFile, language_of, re
 session_router = APIRouter(prefix="/session", tags=["session"], responses=PROBLEMS, route_class=RenderedRoute)
 
 
-@session_router.post(
-    "",
-    status_code=status.HTTP_201_CREATED,
-    summary="Open a session",
-)
+@session_router.post("", status_code=status.HTTP_201_CREATED, summary="Open a session")
 def open_session(
     identity: IdentityOf, service: ServiceOf, request: Request, response: Response
 ) -> SessionDocument:

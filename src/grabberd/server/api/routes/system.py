@@ -34,12 +34,7 @@ async def get_state(snapshots: SnapshotsOf, if_none_match: IfNoneMatch = None) -
     return (await snapshots.state.get()).response(if_none_match)
 
 
-@router.get(
-    "/healthz",
-    response_model=HealthDocument,
-    summary="Check that the daemon serves",
-    responses=BUSY,
-)
+@router.get("/healthz", response_model=HealthDocument, summary="Check that the daemon serves", responses=BUSY)
 async def get_health(service: ServiceOf) -> HealthDocument | Response:
     """The daemon is serving, whatever its devices do. 503 if a capture thread hangs: restart the daemon."""
     if service.liveness.is_well:

@@ -17,7 +17,6 @@ from typing import NamedTuple
 from fastapi.responses import StreamingResponse
 from starlette.types import Send
 
-from grabberd.clock import UtcClock
 from grabberd.documents.document import JsonObject
 from grabberd.documents.points_frame import encoded
 from grabberd.instrument.capture.device_captures import of_device
@@ -25,6 +24,7 @@ from grabberd.instrument.device.worker import Live, Worker
 from grabberd.instrument.instrument import Instrument
 from grabberd.instrument.live.field_streams import PointsEncoder, PreviewPicture, curves_message
 from grabberd.instrument.live.state import History, Version, changes
+from grabberd.runtime import UtcClock
 from grabberd.server.api.streams.broadcast import Broadcast, Channel
 from grabberd.server.api.streams.preview import PreviewFeed
 from grabberd.server.daemon.service import Service

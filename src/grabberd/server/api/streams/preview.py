@@ -11,12 +11,12 @@ from fastapi import WebSocket
 from pydantic import ValidationError
 from starlette.concurrency import run_in_threadpool
 
-from grabberd.clock import UtcClock
 from grabberd.documents.requests import PreviewAsk, PreviewWords
 from grabberd.errors import NotReady
 from grabberd.instrument.instrument import Instrument
 from grabberd.instrument.live.field_streams import light_document
 from grabberd.instrument.live.preview import LADDER, Detail, Part, Preview, PreviewField, View
+from grabberd.runtime import UtcClock
 from grabberd.server.api.streams.broadcast import Broadcast
 
 WINDOW = 3

@@ -48,6 +48,11 @@ class Reason:
     values: Mapping[str, Value] = field(default_factory=dict)
 
 
+def remark(code: str, message: str, hint: str, values: Mapping[str, Value] | None = None) -> Reason:
+    """A reason that leaves the calibration usable."""
+    return Reason(code, REMARK, message, hint, values or {})
+
+
 class Limits(NamedTuple):
     """Values above which there is a remark, and above which a calibration fails."""
 
@@ -88,9 +93,8 @@ MOST_DISPLACED = 0.5
 def frame_reasons(result: CalibrateResult, displaced: Sequence[DisplacedTarget]) -> Iterator[Reason]:
     """Yield what is wrong with the calibration frame's file, or left open by it."""
     if result.identification.by_statement:
-        yield Reason(
+        yield remark(
             "stated",
-            REMARK,
             "the calibration frame looks the same in several ways: how it stands, and that the picture is "
             "not mirrored, rests on what was stated alone",
             "compare the ids in the picture with the frame, or add a further target that tells",
@@ -104,9 +108,8 @@ def _grid(result: CalibrateResult) -> Iterator[Reason]:
     order = grid_order(frame)
     for pair in order.swapped:
         first, second = frame.target[list(pair)].tolist()
-        yield Reason(
+        yield remark(
             "swapped",
-            REMARK,
             f"targets {first} and {second} are swapped in the calibration frame's file: each is where "
             "the row and column of the other belong",
             f"give target {first} the id of {second} and vice versa, or swap their rows and "
@@ -115,9 +118,8 @@ def _grid(result: CalibrateResult) -> Iterator[Reason]:
         )
     if order.astray:
         ids = ", ".join(str(frame.target[index]) for index in order.astray)
-        yield Reason(
+        yield remark(
             "grid_order",
-            REMARK,
             f"targets {ids} are not where their rows and columns in the calibration frame's file put them",
             "correct the ids, positions or rows and columns of these targets in the file",
             {"ids": ids},
@@ -129,9 +131,8 @@ def _displaced(frame: ObjectModel, displaced: Sequence[DisplacedTarget]) -> Iter
         if axes := ", ".join(swapped_axes(one, other, frame)):
             first, second = int(frame.target[one.target]), int(frame.target[other.target])
             displaced = [each for each in displaced if each not in (one, other)]
-            yield Reason(
+            yield remark(
                 "swapped",
-                REMARK,
                 f"targets {first} and {second} are swapped in the calibration frame's file: each has the "
                 f"{axes} of the other",
                 f"swap their {axes} in the file, and calibrate again",
@@ -215,17 +216,15 @@ def _movement(result: CalibrateResult) -> Iterator[Reason]:
     )
     count = result.images[0].of_fields
     if result.repeated:
-        yield Reason(
+        yield remark(
             "repeated",
-            REMARK,
             f"{result.repeated} of {count + result.repeated} fields repeat the one before, and are left out",
             "record without repetitions: 'grabberd inspect' says which pictures repeat",
             {"n": result.repeated, "of": count + result.repeated},
         )
     if count < ENOUGH_FIELDS:
-        yield Reason(
+        yield remark(
             "short",
-            REMARK,
             f"only {count} fields: too few to average out noise and line jitter",
             "take two seconds or more",
             {"n": count},
@@ -234,9 +233,8 @@ def _movement(result: CalibrateResult) -> Iterator[Reason]:
 
 def _depth(result: CalibrateResult) -> Iterator[Reason]:
     if result.bits == 1 and result.y_step == 2:
-        yield Reason(
+        yield remark(
             "one_bit",
-            REMARK,
             "the fields have 1 bit and 288 lines: σ of the calibration, and of all points measured with it, "
             "may be wrong by a factor of up to 1.7",
             "calibrate from 8 bits, or from 1 bit with doubled lines",
@@ -259,9 +257,8 @@ def _merging(result: CalibrateResult) -> Iterator[Reason]:
     for view, targets in zip(result.views, result.merging, strict=True):
         if len(targets):
             ids = ", ".join(str(one) for one in result.frame.target[targets])
-            yield Reason(
+            yield remark(
                 "merging",
-                REMARK,
                 f"discs overlap in the {view.name} view: targets {ids} run into each other there, and were "
                 "left out of it",
                 "turn the calibration frame until both views show its discs apart, or use one with smaller "
@@ -273,9 +270,8 @@ def _merging(result: CalibrateResult) -> Iterator[Reason]:
 def _focus(result: CalibrateResult) -> Iterator[Reason]:
     for view, share in zip(result.views, result.disc_share, strict=True):
         if share > LARGE_DISC:
-            yield Reason(
+            yield remark(
                 "large",
-                REMARK,
                 f"the discs of the {view.name} view appear {share:.1f} times as large as their geometric "
                 "image: the picture is out of focus, or far too bright",
                 "focus the lens until the targets are smallest; close the iris a little",
@@ -288,9 +284,8 @@ def _light(result: CalibrateResult) -> Iterator[Reason]:
     darker = result.views[sigmas.index(max(sigmas))].name
     larger, less_certain = max(areas) / min(areas), max(sigmas) / min(sigmas)
     if larger > UNEVEN_DISCS or less_certain > UNEVEN_SIGMA:
-        yield Reason(
+        yield remark(
             "uneven",
-            REMARK,
             f"the {darker} view is darker than the other: its targets are {less_certain:.1f} times as "
             f"uncertain, and the areas of the discs differ by a factor of {larger:.1f}",
             "light both views alike; clean the mirrors of the darker one",
@@ -358,9 +353,8 @@ def _unmodelled(unmodelled_px: float) -> Iterator[Reason]:
 def _bent(patterns: Sequence[Pattern]) -> Iterator[Reason]:
     for one in patterns:
         if one.statistic > PATTERN_Z and one.correlation > PATTERN_CORRELATION:
-            yield Reason(
+            yield remark(
                 "pattern",
-                REMARK,
                 f"neighbouring residuals of the {one.view} view are correlated ({one.correlation:.2f}): "
                 "the picture is distorted in a way that no parameter describes",
                 "clean and straighten the mirrors of that view; leave the local field switched on",
@@ -370,9 +364,8 @@ def _bent(patterns: Sequence[Pattern]) -> Iterator[Reason]:
 
 def _validation(result: CalibrateResult) -> Iterator[Reason]:
     if result.validation is None:
-        yield Reason(
+        yield remark(
             "unvalidated",
-            REMARK,
             f"the calibration could not be cross-validated: {result.unvalidated}",
             "show more targets in both views",
         )

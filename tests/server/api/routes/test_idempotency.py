@@ -10,7 +10,7 @@ from fastapi.testclient import TestClient
 from running import wait_until_it_accepts
 
 from grabberd.server.api import create_app
-from grabberd.server.api.idempotency import KeptSince
+from grabberd.server.api.routes.dependencies import KeptSince
 from server.api.conftest import sealed, service_in
 
 CAPTURES = "/api/v1/captures"

@@ -7,10 +7,10 @@ import pytest
 
 from core.chain.fake_scene import take_scene
 from grabberd.core.chain.measure import measure_fields
-from grabberd.core.chain.rig_watch import RigWatch
 from grabberd.core.geometry import Rig, project_all, rotation_angles, rotation_matrix
 from grabberd.core.reconstruction import ImageNoise, ViewBlobs, intersect
 from grabberd.core.reconstruction.drift_check import MarkState, RigVerdict, ViewMarks
+from grabberd.instrument.device.field_watch import RigWatch
 
 PX_RAD = 0.0084 / 8.0
 

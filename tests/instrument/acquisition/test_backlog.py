@@ -5,7 +5,7 @@ from collections.abc import Callable
 
 import pytest
 
-from grabberd.instrument.capture.recorder import Backlog
+from grabberd.instrument.acquisition import Backlog
 
 PATIENCE_S = 30.0
 
