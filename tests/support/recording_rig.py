@@ -54,13 +54,13 @@ class Rig:
         self.recording = Recording(
             NewCapture("one", CaptureRequest(), writer.path),
             recorder,
-            writer,
             self.clock,
             measured=measured,
             disk=disk,
             channels=channels,
             on_sealed=self.told.append,
         )
+        self.recording.write_to(writer)
 
     def put(self, *slots: Slot) -> None:
         for one in slots:

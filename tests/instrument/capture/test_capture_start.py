@@ -4,11 +4,13 @@ from datetime import UTC, datetime
 from pathlib import Path
 
 import pytest
-from running import patient, running
-from several import several
+from running import PATIENCE_S, patient, running
+from several import sealed_all, several
 
+from grabberd.archive.capture.reader import CaptureReader
+from grabberd.archive.capture.schema import create
 from grabberd.documents.enums import DeviceState
-from grabberd.errors import Conflict, InputError, NotReady
+from grabberd.errors import Conflict, InputError, NotReady, StorageError
 from grabberd.instrument.capture import capture_start
 from grabberd.instrument.capture.capture_request import CaptureRequest, NewCapture
 from grabberd.instrument.capture.capture_start import CaptureStart
@@ -76,3 +78,49 @@ def test_groups_of_the_same_moment_have_ids_of_their_own(
         monkeypatch.setattr(service.capture_control, "_clock", FrozenClock())
         ids = [service.capture_control.arm_group({name: CaptureRequest()}) for name in ("left", "right")]
         assert ids == ["20260101T000000999Z", "20260101T000001000Z"]
+
+
+def test_fields_are_measured_while_the_file_is_being_made(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    with several(tmp_path, {"left": {"pace": "real"}}) as service:
+        worker = service.instrument("left").worker
+        assert worker is not None
+        published: list[int] = []
+
+        def slow(path: Path, *limits: int | None) -> object:
+            """Makes the file once five of its fields are published, of which none is late for it."""
+            with worker.published:
+                before = worker.live and worker.live.measured.n
+                assert worker.published.wait_for(
+                    lambda: worker.live is not None and 4 <= worker.live.measured.n < (before or 1 << 30),
+                    PATIENCE_S,
+                )
+                assert worker.live is not None
+                published.append(worker.live.measured.n)
+            return create(path, *limits)
+
+        monkeypatch.setattr("grabberd.archive.capture.schema.create", slow)
+        service.capture_control.start("left", CaptureRequest(fields=30))
+        (file,) = sealed_all(service).values()
+        with CaptureReader(file) as reader:
+            assert [n for n, _ in reader.points()] == [n for n, _ in enumerate(range(reader.ledger.received))]
+    assert published
+
+
+def test_what_was_measured_of_a_capture_that_did_not_start_is_forgotten(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def full(path: Path, *limits: int | None) -> object:
+        raise StorageError("the disk is full", "delete something")
+
+    with several(tmp_path, {"left": {"pace": "real"}}) as service:
+        with monkeypatch.context() as broken:
+            broken.setattr("grabberd.archive.capture.schema.create", full)
+            with pytest.raises(StorageError):
+                service.capture_control.start("left", CaptureRequest(fields=30))
+        service.capture_control.start("left", CaptureRequest(fields=20))
+        (file,) = sealed_all(service).values()
+        with CaptureReader(file) as reader:
+            assert reader.ledger.total == 20
+            assert len(list(reader.points())) == reader.ledger.received

@@ -35,16 +35,16 @@ class CaptureStart:
     def __init__(self, device: DeviceCaptures, new: NewCapture) -> None:
         self.device = device
         self.new = new
-        self._recorder: Recorder | None = None
         self._back_fields = 0
         self._fields: int | None = None
         self._recording: Recording | None = None
         self._channels: ChannelRecording | None = None
+        self._has_file = False
 
     @property
     def recording(self) -> Recording:
-        """The capture; only after `make_file`."""
-        assert self._recording is not None, "make_file() comes first"
+        """The capture; only after `record`."""
+        assert self._recording is not None, "record() comes first"
         return self._recording
 
     @property
@@ -116,7 +116,8 @@ class CaptureStart:
     def record(self, start: Moment) -> None:
         """Starts to take fields, from a moment on or with the pre-trigger's fields from the ring.
 
-        There is no file yet, so no field is missed even if creating it takes long.
+        They are measured at once. There is no file yet, so no field is missed, and none is published late,
+        even if creating it takes long.
         """
         pipeline, request = self.device.pipeline, self.new.request
         stream = replace(self.device.stream, rate_hz=self.device.pipeline.rate_hz)
@@ -130,9 +131,18 @@ class CaptureStart:
         self._fields = request.fields
         if self._fields is not None and self.new.armed_utc is not None:
             self._fields += self._back_fields  # the length of an armed capture counts from its trigger
-        self._recorder = Recorder(reader, backlog, self.device.clock, stream, pipeline, self._fields, begin)
-        self._recorder.start(self.new.id)
+        recorder = Recorder(reader, backlog, self.device.clock, stream, pipeline, self._fields, begin)
+        recorder.start(self.new.id)
         self._channels = self.device.loggers.follow(self.device.name, same_clock=keeps_pace)
+        self._recording = self.device.starting = Recording(
+            self.new,
+            recorder,
+            self.device.clock,
+            measured=self.device.setup.measuring is not None,
+            disk=self.device.disk,
+            channels=self._channels,
+            on_sealed=self.device.sealed,
+        )
 
     def make_file(self, start: Moment) -> None:
         """Creates the file of the capture; may take long on a slow disk.
@@ -143,7 +153,6 @@ class CaptureStart:
         Raises:
             StorageError: The file cannot be created.
         """
-        assert self._recorder is not None, "record() comes first"
         setup = self.device.setup
         meta = self._meta(start)
         channels = self._channels.channels if self._channels else ()
@@ -154,29 +163,22 @@ class CaptureStart:
             if setup.measuring is not None:
                 made_utc = iso_utc(self.device.clock.utc_now())
                 writer.begin_run(LIVE_RUN, "live", made_utc, __version__, setup.made_with)
-        self._recording = Recording(
-            self.new,
-            self._recorder,
-            writer,
-            self.device.clock,
-            measured=setup.measuring is not None,
-            disk=self.device.disk,
-            channels=self._channels,
-            on_sealed=self.device.sealed,
-        )
+        self.recording.write_to(writer)
+        self._has_file = True
 
     def discard(self) -> None:
         """Undoes what `record` and `make_file` have started."""
-        if self._recorder is not None:
-            self._recorder.abandon()
+        self.recording.recorder.abandon()
+        self.device.starting = None
         if self._channels is not None:
             self._channels.close()
-        if self._recording is not None:
-            self._recording.discard()
+        if self._has_file:
+            self.recording.discard()
 
     def begin(self) -> None:
         """Starts writing; from now on the capture belongs to the device."""
         self.device.recording, self.device.armed = self.recording, None
+        self.device.starting = None
         self.recording.start()
 
     def _meta(self, start: Moment) -> CaptureMeta:

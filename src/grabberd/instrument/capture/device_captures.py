@@ -41,6 +41,7 @@ class DeviceCaptures:
         loggers: The data loggers, whose channels captures record.
         lock: Held while a capture is started, armed or disarmed, or while something it relies on is changed.
         recording: The running or the last capture, or None.
+        starting: The capture whose fields are taken already, while its file is made; None before and after.
         armed: The capture that waits for its trigger, or None.
         ended: Number of captures that are sealed or given up, by verdict.
         measured: Number of those that were measured, by the verdict on how well.
@@ -57,6 +58,7 @@ class DeviceCaptures:
     loggers: Loggers
     lock: runtime.Lock = field(init=False, default_factory=runtime.lock)
     recording: Recording | None = field(init=False, default=None)
+    starting: Recording | None = field(init=False, default=None)
     armed: ArmedCapture | None = field(init=False, default=None)
     ended: Counter[str] = field(init=False, default_factory=Counter)
     measured: Counter[str] = field(init=False, default_factory=Counter)

@@ -70,7 +70,6 @@ class Recording:
         self,
         new: NewCapture,
         recorder: Recorder,
-        writer: CaptureWriter,
         clock: UtcClock,
         *,
         measured: bool,
@@ -88,9 +87,7 @@ class Recording:
         self.measured = measured
         self._findings: Mapping[str, Any] | None = None
         self._coverage: Coverage | None = None
-        self._writer = writer
         self._backlog = recorder.backlog
-        self._ends_when_interrupted = writer.meta.extra.get("on_interruption") == "end"
         self._disk = disk
         self._channels = channels
         self._newest_ns = 0
@@ -105,6 +102,11 @@ class Recording:
         self._appended = 0
         self._size_bytes = 0
         self._commit_due_ns = clock.now_ns() + COMMIT_EVERY_NS
+
+    def write_to(self, writer: CaptureWriter) -> None:
+        """Takes its file, before which its fields may already be measured."""
+        self._writer = writer
+        self._ends_when_interrupted = writer.meta.extra.get("on_interruption") == "end"
 
     def start(self) -> None:
         """Starts writing, and recording if that has not started yet, each in a separate thread."""

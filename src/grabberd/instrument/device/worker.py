@@ -160,6 +160,11 @@ class WorkerCaptures(Protocol):
         ...
 
     @property
+    def starting(self) -> MeasurableRecording | None:
+        """The capture whose fields are taken already, while its file is made."""
+        ...
+
+    @property
     def is_recording(self) -> bool:
         """True if a capture is recording."""
         ...
@@ -244,7 +249,7 @@ class Worker(runtime.Thread):
 
     def _unmeasured(self) -> MeasurableRecording | None:
         """The running capture, unless it has been measured already or is not measured."""
-        recording = self._captures.recording
+        recording = self._captures.starting or self._captures.recording
         waits = recording is not None and recording.measured and recording is not self._done
         return recording if waits else None
 
@@ -296,7 +301,8 @@ class Worker(runtime.Thread):
 
     def _pause_s(self) -> float:
         # After the recording, measuring cannot cost fields.
-        catches_up = self._unmeasured() is not None and not self._captures.is_recording
+        takes_fields = self._captures.is_recording or self._captures.starting
+        catches_up = self._unmeasured() is not None and not takes_fields
         return 0.0 if catches_up else self._pipeline.shedding.pause_s(self._clock.now_ns())
 
     def _ring_fields(self, setup: MeasureSetup) -> Iterator[NumberedField]:
