@@ -7,7 +7,7 @@ import pytest
 
 from core.chain.fake_scene import coordinates, take_scene
 from grabberd.core.chain.locating import whole_blobs
-from grabberd.core.chain.measure import measure_fields
+from grabberd.core.chain.measure import Trackers, measure_fields
 from grabberd.core.field import TOP, Field, quantise
 from grabberd.core.geometry import LocalField
 from grabberd.core.measurement import Blobs
@@ -81,6 +81,15 @@ def test_the_covariance_says_how_large_the_errors_are(liner_without_mirror_error
 @pytest.mark.parametrize(("bits", "lines"), WAYS)
 def test_the_same_fields_give_the_same_points_bit_for_bit(liner, bits, lines):
     again = measure_fields(itertools.islice(liner.packed(bits, lines), 20), liner.setup)
+    assert bytes_of(again) == bytes_of(liner.measured(bits, lines)[:20])
+
+
+@pytest.mark.parametrize(("bits", "lines"), WAYS)
+def test_trackers_that_have_measured_other_fields_give_the_same_points_bit_for_bit(liner, bits, lines):
+    trackers, packed = Trackers(liner.setup), list(liner.packed(bits, lines))
+    for other in (packed[30:], packed[10:25]):
+        assert list(measure_fields(other, liner.setup, trackers=trackers))
+    again = measure_fields(packed[:20], liner.setup, trackers=trackers)
     assert bytes_of(again) == bytes_of(liner.measured(bits, lines)[:20])
 
 

@@ -83,12 +83,39 @@ class MeasuredField(NamedTuple):
     correction: RigCorrection | None = None
 
 
+class Trackers:
+    """Trackers of one setup, for who measures with it again and again in one thread.
+
+    They take a field's time and more to make, and have no state of their own.
+    """
+
+    def __init__(self, setup: MeasureSetup) -> None:
+        self.setup = setup
+        self._made: dict[tuple[int, int], tuple[Tracker, DiscCentres | None]] = {}
+
+    def of(self, lines: tuple[int, int]) -> tuple[Tracker, DiscCentres | None]:
+        """Tracker of fields with these lines, and the correction of its points; made at first."""
+        if lines not in self._made:
+            self._made[lines] = _tracker(self.setup, self.setup.calibration, lines)
+        return self._made[lines]
+
+
+def _tracker(
+    setup: MeasureSetup, calibration: Calibration, lines: tuple[int, int]
+) -> tuple[Tracker, DiscCentres | None]:
+    rig, model = Rig.of(calibration), setup.object_model
+    noise = ImageNoise.of(rig, model, setup.line_jitter_px, *lines)
+    tracker = Tracker(rig, model, noise, setup.tracking)
+    return tracker, DiscCentres(rig, model) if calibration.disc_centres else None
+
+
 def measure_fields(
     fields: Iterable[NumberedField],
     setup: MeasureSetup,
     tally: CoverageTally | None = None,
     ahead: int = 1,
     before: MarksBefore = lambda _: (),
+    trackers: Trackers | None = None,
 ) -> Iterator[MeasuredField]:
     """Points of every field, in order; identities and velocities are carried from field to field.
 
@@ -100,15 +127,17 @@ def measure_fields(
             field is taken; with more the results are the same, in less time.
         before: Asked for the marks of the fields before the first, once that has come: so a rig that was
             knocked earlier is corrected from the first field on.
+        trackers: Of this setup, if they are known from earlier fields.
     """
     step: _Step | None = None
+    trackers = trackers or Trackers(setup)
     watched = _watched(fields, setup.calibration, before)
     while some := list(islice(watched, ahead)):
         for (lines, *_), alike in groupby(some, _kind):
             group = list(alike)
             # Lines of other kinds have different σ of their image coordinates: the tracker starts again.
             if step is None or step.lines != lines:
-                step = _Step(setup, lines, tally)
+                step = _Step(trackers, lines, tally)
             step.correct(group[0].numbered.n, group[0].correction)
             yield from step.results([one.numbered for one in group])
 
@@ -194,13 +223,13 @@ def _fitting(
 class _Step:
     """State carried from field to field."""
 
-    def __init__(self, setup: MeasureSetup, lines: tuple[int, int], tally: CoverageTally | None) -> None:
+    def __init__(self, trackers: Trackers, lines: tuple[int, int], tally: CoverageTally | None) -> None:
         self.lines = lines
-        self._setup = setup
+        self._setup = setup = trackers.setup
         self._tally = tally
         self._locating = Locating(setup.sized, setup.line_jitter_px)
         self._correction: RigCorrection | None = None
-        self._use(setup.calibration)
+        self._use(setup.calibration, *trackers.of(lines))
         # From the object model alone, never from an earlier track: points are a function of the fields given.
         self._track: Track = self._tracker.start()
         self._last_ns: int | None = None
@@ -215,16 +244,13 @@ class _Step:
         if not (correction.corrects or (before and before.corrects)):
             return
         track = self._engine.track if self._engine else None
-        self._use(correction.applied_to(self._setup.calibration))
+        corrected = correction.applied_to(self._setup.calibration)
+        self._use(corrected, *_tracker(self._setup, corrected, self.lines))
         if self._engine and track is not None:
             self._engine.track = track
 
-    def _use(self, calibration: Calibration) -> None:
-        setup, rig = self._setup, Rig.of(calibration)
-        self._calibration = calibration
-        noise = ImageNoise.of(rig, setup.object_model, setup.line_jitter_px, *self.lines)
-        self._tracker = Tracker(rig, setup.object_model, noise, setup.tracking)
-        self._centres = DiscCentres(rig, setup.object_model) if calibration.disc_centres else None
+    def _use(self, calibration: Calibration, tracker: Tracker, centres: DiscCentres | None) -> None:
+        self._calibration, self._tracker, self._centres = calibration, tracker, centres
         self._engine = Engine.of(KERNEL, self._tracker, calibration.views)
 
     def results(self, fields: Sequence[NumberedField]) -> Iterator[MeasuredField]:

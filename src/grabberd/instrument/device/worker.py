@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from grabberd import runtime
-from grabberd.core.chain.measure import MeasuredField, MeasureSetup, measure_fields
+from grabberd.core.chain.measure import MeasuredField, MeasureSetup, Trackers, measure_fields
 from grabberd.core.field import NumberedField
 from grabberd.core.ledger import Outcome
 from grabberd.core.measurement.marks import Located
@@ -218,6 +218,7 @@ class Worker(runtime.Thread):
         self.field_order = FieldOrderHealth(name)
         self.history = FieldHistory()
         self._setup = setup
+        self._trackers: Trackers | None = None
         self._pipeline = pipeline
         self._captures = captures
         self._clock = clock
@@ -264,7 +265,11 @@ class Worker(runtime.Thread):
             self.field_order.begin(self._setup, capture=True, interlaced=interlaced)
             with closing(self._paced(recording.recorded())) as fields:
                 for measured in measure_fields(
-                    fields, self._setup, tally, before=lambda _: recording.marks_before()
+                    fields,
+                    self._setup,
+                    tally,
+                    before=lambda _: recording.marks_before(),
+                    trackers=self._trackers_of(self._setup),
                 ):
                     recording.add(measured)
                     self._publish(measured, self._setup, recording.first_n)
@@ -285,8 +290,17 @@ class Worker(runtime.Thread):
         self.rig.begin(setup)
         self.field_order.begin(setup, interlaced=not self._pipeline.is_progressive)
         with closing(self._paced(self._ring_fields(setup))) as fields:
-            for measured in measure_fields(fields, setup, before=self._pipeline.marks_before):
+            trackers = self._trackers_of(setup)
+            for measured in measure_fields(
+                fields, setup, before=self._pipeline.marks_before, trackers=trackers
+            ):
                 self._publish(measured, setup, 0)
+
+    def _trackers_of(self, setup: MeasureSetup) -> Trackers:
+        """Trackers of a setup: those of the stream serve the next capture, whose first field is not late."""
+        if self._trackers is None or self._trackers.setup is not setup:
+            self._trackers = Trackers(setup)
+        return self._trackers
 
     def _paced(self, fields: Iterator[NumberedField]) -> Generator[NumberedField]:
         """The same fields, taking turns with other devices' workers, and slower while capturing is behind."""
