@@ -128,6 +128,18 @@ def test_a_long_loss_amid_a_pause_may_be_of_the_driver_or_of_the_bus():
     assert paused(52, kept) == [(42, 5, "unclear: time gap, or computer busy (waited 0.2 s for a processor)")]
 
 
+@pytest.mark.parametrize(("later", "cause"), [(0.1, "computer busy"), (0.6, "time gap")])
+def test_what_begins_barely_after_a_buffer_is_returned_may_have_found_none(later, cause):
+    numbering, until_ns = Numbering(info(counts_losses=True)), grab(49).time_ns - round(later * PERIOD_NS)
+    for n in [*range(48), *range(49, 90)]:
+        came_ns = grab(n).time_ns + 2 * PERIOD_NS
+        if n == 40:
+            numbering.stood_still(until_ns - grab(40).time_ns)
+        waited = n >= 40 and came_ns < until_ns
+        numbering.see(grab(n, sequence=n), now_ns=until_ns if waited else came_ns, in_time=not waited)
+    assert [entry for field in numbering.settled() for entry in lost(field.lost_before)] == [(48, 1, cause)]
+
+
 def test_a_loss_after_a_pause_is_none_of_it_however_long():
     assert paused(48, [*range(50), *range(60, 80)]) == [(50, 10, "time gap")]
 

@@ -262,8 +262,6 @@ class Arrivals:
         is_long, of_own = lost >= _LONG, 0
         for kept_back, freed_ns in enumerate(arrival.freed_ns if is_long else arrival.freed_ns[:1]):
             later = (began_ns - freed_ns) / self._pace.period_ns
-            if later >= lost:
-                continue  # the first of them has begun after that
             on_its_way = max(math.ceil((later - _BARELY) / self.in_turn) - 1, 0) * self.in_turn
             found = lost - on_its_way
             if is_long and found >= lost - self.in_turn and later + _BARELY >= 0:
