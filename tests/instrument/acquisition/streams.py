@@ -77,9 +77,9 @@ class Numbering:
         """Notes that nobody asked for fields."""
         self._numbering.stood_still(time_ns)
 
-    def driver_stood_still(self, time_ns):
+    def driver_stood_still(self, time_ns, until_ns):
         """Notes that nothing ran, not even the driver."""
-        self._numbering.of_driver = StandstillOfDriver(time_ns, time_ns, 0)
+        self._numbering.of_driver = StandstillOfDriver(time_ns, time_ns, 0, ended_ns=until_ns)
 
     def settled(self):
         """All fields so far."""

@@ -27,7 +27,7 @@ from grabberd.instrument.acquisition.numbering.pending import (
 )
 from grabberd.instrument.acquisition.numbering.settling import Doubt, Doubts, Evidence, Settling
 from grabberd.instrument.acquisition.numbering.stamps import Stamps
-from grabberd.instrument.acquisition.numbering.standstill import COMPUTER_BUSY, Standstill
+from grabberd.instrument.acquisition.numbering.standstill import COMPUTER_BUSY, RecentStandstills, Standstill
 from grabberd.instrument.acquisition.numbering.timing import Timing
 from grabberd.instrument.acquisition.numbering.turns import Turns
 
@@ -57,8 +57,6 @@ _MOST_PENDING = 16
 """Fields that wait for more evidence before the likeliest path is taken, or as many as the driver's buffers
 hold if that is more, and `_CONFIRMING` after them."""
 _CONFIRMING = 10
-_FROM_BEFORE = 2
-"""Buffers after a standstill of the driver that may have been filled before it although they came in time."""
 _KEEPS_ON = 8
 """Fields in a row that a driver counts too many for, after which it keeps doing so."""
 
@@ -109,9 +107,7 @@ class FieldNumbering:
         self._standstill = COMPUTER_BUSY
         self.returned_ns: int | None = None
         self.of_driver: Standstill | None = None
-        self._stood: Standstill | None = None
-        self._after_it = 0
-        self._resumed_ns: int | None = None
+        self._stood = RecentStandstills(self._most_waiting, self._arrivals.in_turn)
         self._waited = self._uncertain_by = 0
 
     @property
@@ -178,16 +174,9 @@ class FieldNumbering:
         """
         absent = NO_SIGNAL if signal is Signal.ABSENT else no_picture
         outcome = outcome_of(absent, grabbed.damage or damage)
-        if self.of_driver is not None:
-            self._stood, self._after_it, self._resumed_ns = self.of_driver, self._most_waiting, now_ns
         pending = self._look(grabbed, now_ns, *outcome, no_signal=signal is Signal.ABSENT, in_time=in_time)
         settled = self._follow_pace() if self._has_another_pace(pending) else []
         self._waited, self.of_driver = max(self._waited - 1, 0), None
-        # One that came in time may still be from before the standstill, but not those after it.
-        last = (
-            _FROM_BEFORE * self._arrivals.in_turn if in_time and pending.may_be_held else self._after_it - 1
-        )
-        self._after_it = max(last, 0)
         self._interruption = None
         if self._paths is not None:
             return settled + self._go_on(self._paths, pending)
@@ -338,9 +327,8 @@ class FieldNumbering:
             may_have_waited=0 if in_time else self._longest_wait(arrival),
             interruption=self._interruption,
             standstill=self._standstill if self._waited > 0 else None,
-            of_driver=self._stood if self._after_it else None,
+            of_driver=self._stood.before_next(self.of_driver, in_time=in_time),
             may_be_held=self.of_driver is not None,
-            resumed_ns=self._resumed_ns,
         )
 
     def _settle_oldest(self, paths: Paths) -> Numbered:

@@ -36,9 +36,9 @@ class Pending:
             interruption.
         interruption: Why the stream stopped before it, or None.
         standstill: Why the driver's buffers may have been full before it, or None.
-        of_driver: A standstill shortly before it, if the driver may have stood still as well.
+        of_driver: Standstills shortly before it in which the driver may have stood still as well, the latest
+            first.
         may_be_held: True if that was right before it.
-        resumed_ns: When the program went on after that.
     """
 
     parity: int
@@ -58,9 +58,8 @@ class Pending:
     may_have_waited: int
     interruption: str | None
     standstill: str | None
-    of_driver: Standstill | None = None
+    of_driver: tuple[Standstill, ...] = ()
     may_be_held: bool = False
-    resumed_ns: int | None = None
 
     def overcounts(self, fields: int) -> bool:
         """True if the driver has counted more fields since the previous one than there were."""
