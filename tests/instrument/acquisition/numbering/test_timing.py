@@ -61,9 +61,10 @@ def test_while_no_way_is_known_exposures_that_are_late_alike_mean_that_numbers_a
     assert timing.rebases == []
 
 
-def test_after_a_loss_that_may_be_none_early_fields_tell_of_numbers_and_not_of_the_first_stamps():
+@pytest.mark.parametrize("regular", [0, 8])
+def test_after_a_loss_that_may_be_none_early_fields_tell_of_numbers_and_not_of_the_first_stamps(regular):
     timing, arrivals = begun()
-    arrivals.way = Way(2.0, 8)
+    arrivals.way = Way(2.0, regular)
     timing.begin(in_time(0, stamped_on_arrival=True))
     for n in range(1, 20):
         timing.come_to(in_time(n, stamped_on_arrival=True), Step(1, 0.0, 0.0), n)

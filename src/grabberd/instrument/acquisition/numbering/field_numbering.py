@@ -241,7 +241,7 @@ class FieldNumbering:
 
     def _begin_with(self, first: Pending, late_ns: int, late_by: int) -> Numbered:
         """Number the first field, given the delay of its stamp and the fields by which it may be late."""
-        time_ns, doubt = self._timing.begin(first, late_ns)
+        time_ns, doubt = self._timing.begin(first, late_ns, may_be_late=late_by > 0)
         self._doubts.begin(time_ns, late_by)
         self._n, self._parity = 0, first.parity
         self._phase = first.parity

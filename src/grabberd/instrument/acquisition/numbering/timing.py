@@ -186,6 +186,7 @@ class Timing:
         self._arrivals = arrivals
         self._since_ns = since_ns
         self._first_ns: int | None = None
+        self._may_begin_late = False
         self._early = self._doubted = self._uncounted = 0
         self._arrives_after_ns: int | None = None
         self._late = self._ahead = 0.0
@@ -245,8 +246,13 @@ class Timing:
         late, self._late = self._late, 0.0
         return late
 
-    def begin(self, pending: Pending, late_ns: int = 0) -> tuple[int, str | None]:
-        """Begin with the first field, given the delay of its stamp; its time, and why that is predicted."""
+    def begin(
+        self, pending: Pending, late_ns: int = 0, *, may_be_late: bool = False
+    ) -> tuple[int, str | None]:
+        """Begin with the first field, given the delay of its stamp, and if it may be late beyond that; its
+        time, and why that is predicted.
+        """
+        self._may_begin_late = may_be_late
         time_ns = pending.time_ns
         if time_ns is None and pending.arrival.time_ns is not None:
             time_ns = pending.arrival.time_ns - self._usual_way_ns
@@ -323,9 +329,10 @@ class Timing:
         if self._arrivals.way.is_known and self._arrived_late_by(pending, step) > _IN_TIME:
             # It has waited, so its arrival is no evidence: a later one in time will reveal the clock.
             return self._clock.advance(step.fields), "early timestamp"
-        is_new = pending.stamped_on_arrival and (
-            (n < _NEW_FOR and not self._uncounted) or not self._arrivals.way.is_known
-        )  # a loss that was not counted may be none: then the numbers run ahead, and no stamp was late
+        way_is_known = self._arrivals.way.is_known
+        # A loss that was not counted may be none: then the numbers run ahead, and no stamp was late.
+        may_be_late = not self._uncounted or (self._may_begin_late and not way_is_known)
+        is_new = pending.stamped_on_arrival and may_be_late and (n < _NEW_FOR or not way_is_known)
         if is_new and not self._is_before_request(pending.time_ns, step):
             return self._begin_again(pending, step)
         return self._come_early(pending.time_ns, step, late), None
