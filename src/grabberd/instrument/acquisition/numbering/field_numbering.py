@@ -383,6 +383,8 @@ class FieldNumbering:
         ahead = self._timing.take_ahead()
         if ahead < 0:
             paths.lengthen_way(ahead)  # each way was learned while all numbers were too low
+        elif ahead > 0:
+            paths.take_way(self._arrivals.way)  # since the last certain one, while they were too high
         # One more: the early fields before it have moved the clock by part of a period.
         too_many = math.ceil(ahead) + 1 if ahead else 0
         # It has waited as long as allowed, and the cause of its delay is still unknown.
