@@ -175,3 +175,25 @@ def test_stamps_of_before_the_epoch_leave_the_times_to_the_arrivals():
     last = numbering.settled()[-1]
     assert (last.n, last.reason) == (1599, "time predicted (zero timestamp)")
     assert last.time_ns == pytest.approx(grab(1599).time_ns + 1449 * longer_ns, abs=PERIOD_NS // 2)
+
+
+@pytest.mark.parametrize(
+    ("order", "fields", "counts", "uncertain"),
+    [
+        (FieldOrder.ALTERNATE, 4, True, 56),
+        (FieldOrder.ALTERNATE, 4, False, 12),
+        (FieldOrder.PROGRESSIVE, 1, False, 12),
+    ],
+)
+def test_a_clock_that_is_set_back_by_just_the_fields_that_are_lost_leaves_the_arrivals_to_tell(
+    order, fields, counts, uncertain
+):
+    """Stamps, parity and a count that has missed the loss go on as if nothing had happened."""
+    numbering, kept = Numbering(info(order, counts_losses=counts)), [*range(60), *range(60 + fields, 120)]
+    for place, n in enumerate(kept):
+        stamped = grab(n, late_ns=-fields * PERIOD_NS if n >= 60 else 0, sequence=place if counts else None)
+        numbering.see(stamped, now_ns=grab(n).time_ns + WAY_NS)
+    found = numbering.settled()
+    doubtful = [one for one in found if UNCERTAIN in (one.reason or "")]
+    assert len(doubtful) == uncertain
+    assert all(one.n == n for one, n in zip(found, kept, strict=True) if one not in doubtful)

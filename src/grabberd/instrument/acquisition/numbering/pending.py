@@ -114,13 +114,17 @@ def uncounted(pending: Pending, step: Step) -> int:
     return abs(step.fields - (1 if pending.count is None else pending.count))
 
 
+def is_held_up(pending: Pending, step: Step, grid: float = 0.0) -> bool:
+    """True if a field came late although the program waited for it; `grid`: periods of that of the stamps."""
+    return pending.in_time and step.arrived is not None and step.arrived > _LATE + grid
+
+
 def contradiction(pending: Pending, step: Step) -> int:
     """Number of fields by which evidence differs: stamp and count, if no arrival shows which is wrong,
     or after an interruption the stamp and the arrival of a field that has not waited.
     """
     if pending.interruption:
-        has_waited = not pending.in_time or step.arrived is None or step.arrived <= _LATE
-        return 0 if has_waited else math.ceil(step.arrived or 0.0)
+        return math.ceil(step.arrived or 0.0) if is_held_up(pending, step) else 0
     if pending.count is None or step.arrived_in_time:
         return 0
     return abs(pending.count - step.fields)
