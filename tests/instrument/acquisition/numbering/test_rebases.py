@@ -5,7 +5,7 @@ import pytest
 from grabberd.core.field import FieldOrder
 from grabberd.core.ledger import UNCERTAIN, Outcome, Rebase, too_high_by
 from grabberd.instrument.acquisition.numbering import FieldNumbering
-from instrument.acquisition.streams import PERIOD_NS, Numbering, grab, info, numbers_in_time
+from instrument.acquisition.streams import MS, PERIOD_NS, Numbering, grab, info, numbers_in_time
 
 WAY_NS = 2 * PERIOD_NS
 
@@ -197,3 +197,18 @@ def test_a_clock_that_is_set_back_by_just_the_fields_that_are_lost_leaves_the_ar
     doubtful = [one for one in found if UNCERTAIN in (one.reason or "")]
     assert len(doubtful) == uncertain
     assert all(one.n == n for one, n in zip(found, kept, strict=True) if one not in doubtful)
+
+
+@pytest.mark.parametrize("held_from", [4, 7, 9])
+def test_a_clock_that_is_set_while_a_hub_holds_fields_back_is_no_loss_if_the_count_has_none(held_from):
+    """A queue drains without a loss, and what comes right after it has not waited."""
+    numbering = Numbering(info(FieldOrder.PROGRESSIVE, counts_losses=True), asked_ns=PERIOD_NS // 2)
+    held, until_ns = range(held_from, held_from + 8), grab(held_from + 10).time_ns + WAY_NS
+    kept = [*range(held_from + 8), *range(held_from + 11, held_from + 60)]
+    for n in kept:
+        now_ns = until_ns + (n - held_from) * MS // 2 if n in held else grab(n).time_ns + WAY_NS
+        stamped = grab(n, late_ns=PERIOD_NS if n >= held_from else 0, sequence=n)
+        numbering.see(stamped, now_ns=now_ns, in_time=n not in held[1:])
+    found = numbering.settled()
+    assert [one.n for one in found] == kept
+    assert max(abs(one.time_ns - grab(n).time_ns) for one, n in zip(found, kept, strict=True)) < MS

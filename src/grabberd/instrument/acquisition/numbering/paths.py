@@ -207,7 +207,10 @@ class Paths:
         for fields in _steps(path, seen):
             ahead = path.ahead + fields
             late, arrived = _after(seen.stamp, ahead), _after(_exposed(path, seen), ahead)
-            step = Step(fields, late, arrived, other_clock=_by_another_clock(late, before))
+            # No field is lost out of a queue.
+            counted = seen.burst and seen.counted == fields
+            other_clock = _by_another_clock(late, before, counted=counted)
+            step = Step(fields, late, arrived, other_clock=other_clock)
             time = self._cost_of_time(step, before, seen, path.way)
             cost = path.cost + _cost_of_loss(fields, seen) + time
             way = path.way if seen.arrival is None else _way(path.way, seen.arrival - ahead, seen)
@@ -247,11 +250,11 @@ def _same(one: Step, other: Step) -> bool:
     return (one.fields, one.wrong_parity) == (other.fields, other.wrong_parity)
 
 
-def _by_another_clock(late: float | None, before: Step) -> bool:
+def _by_another_clock(late: float | None, before: Step, *, counted: bool) -> bool:
     if late is None or before.late is None or abs(late) <= _EARLY_ARRIVAL:
         return False
     in_time = before.arrived is not None and abs(before.arrived) <= _EARLY_ARRIVAL
-    return (in_time or before.other_clock) and abs(late - before.late) <= _JITTER
+    return (in_time or before.other_clock or counted) and abs(late - before.late) <= _JITTER
 
 
 def _way(before: Way, periods: float, seen: Seen) -> Way:
@@ -260,7 +263,7 @@ def _way(before: Way, periods: float, seen: Seen) -> Way:
     A known way is not given up for a field whose number may be wrong.
     """
     stays = before.is_known and before.is_far_longer_than(periods)
-    return before if stays else before.after(periods, joined=seen.joined, waited=seen.waited)
+    return before if stays else before.after(periods, joined=seen.joined or seen.burst, waited=seen.waited)
 
 
 def _exposed(path: Path, seen: Seen) -> float | None:
