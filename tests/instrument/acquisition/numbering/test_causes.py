@@ -165,6 +165,13 @@ def test_what_begins_barely_after_a_buffer_is_returned_may_have_found_none(later
     assert [entry for field in numbering.settled() for entry in lost(field.lost_before)] == [(48, 1, cause)]
 
 
+def test_of_a_loss_that_goes_on_after_a_pause_only_what_came_within_it_may_be_of_the_driver():
+    assert paused(52, [*range(42), *range(56, 80)]) == [
+        (42, 12, "unclear: time gap, or computer busy (waited 0.2 s for a processor)"),
+        (54, 2, "time gap"),
+    ]
+
+
 def test_a_loss_after_a_pause_is_none_of_it_however_long():
     assert paused(48, [*range(50), *range(60, 80)]) == [(50, 10, "time gap")]
 

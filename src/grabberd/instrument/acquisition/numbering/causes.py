@@ -81,19 +81,18 @@ class Causes:
         """The same of one standstill; `held`: true if it was right before the field."""
         in_turn, due = self._arrivals.in_turn, stood.time_ns / self._pace.period_ns
         first, last = self._arrivals.would_have_come(time_ns, lost, stood.ended_ns)
-        if first > _OF_STANDSTILL:
-            return None  # all came after it
+        within = lost - max(math.ceil(last - in_turn - _OF_STANDSTILL), 0)  # the others began after it
         shortest = due - in_turn if held else max(due - 1, _LONG)
-        if lost >= shortest - _OF_STANDSTILL:
+        if first <= _OF_STANDSTILL and within >= shortest - _OF_STANDSTILL:
             self._blamed.add(stood)
             # Its own buffer may have been held up, and stamped afterwards: then they are missing behind.
             self.held_by = lost if held else self.held_by
             # As well as one that had begun before it. If more are missing, it explains none of them surely.
-            by_it = min(lost, (math.ceil(due / in_turn) + 1) * in_turn)
+            by_it = min(within, (math.ceil(due / in_turn) + 1) * in_turn)
             return by_it, stood.reason, lost == by_it
         # It stood still for a part of that time, or they were lost on the bus meanwhile.
-        is_within = -due <= first and last <= _OF_STANDSTILL
-        return (lost, stood.reason, False) if lost >= _LONG and is_within else None
+        may_be = within >= _LONG and -due <= first <= _OF_STANDSTILL
+        return (within, stood.reason, False) if may_be else None
 
 
 def _gap(pending: Pending, step: Step) -> str:
