@@ -114,9 +114,9 @@ def uncounted(pending: Pending, step: Step) -> int:
     return abs(step.fields - (1 if pending.count is None else pending.count))
 
 
-def is_held_up(pending: Pending, step: Step, grid: float = 0.0) -> bool:
-    """True if a field came late although the program waited for it; `grid`: periods of that of the stamps."""
-    return pending.in_time and step.arrived is not None and step.arrived > _LATE + grid
+def is_held_up(pending: Pending, step: Step) -> bool:
+    """True if a field came late although the program waited for it."""
+    return pending.in_time and step.arrived is not None and step.arrived > _LATE
 
 
 def contradiction(pending: Pending, step: Step) -> int:

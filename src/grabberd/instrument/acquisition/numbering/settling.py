@@ -110,7 +110,7 @@ class Settling:
         """Doubt about a field whose number must be settled before later ones have confirmed it."""
         lost = uncounted(oldest, paths.best.steps[0])
         in_doubt = lost > 0 and oldest.arrival.time_ns is not None and not self._arrivals.tells_of_stamps
-        of_loss = in_doubt or is_held_up(oldest, paths.best.steps[0], self._arrivals.grid)
+        of_loss = in_doubt or self._is_held_up(oldest, paths.best.steps[0])
         return Doubt(max(self._spread(oldest, paths), lost * in_doubt), of_loss)
 
     def _spread(self, oldest: Pending, paths: Paths) -> int:
@@ -124,8 +124,12 @@ class Settling:
         if step.arrived_in_time:
             return True
         # One that was held up may come after others that were lost, and with a clock that was set meanwhile.
-        may_be_later = paths.best.way.is_known and is_held_up(pending, step, self._arrivals.grid)
-        return not may_be_later and step.late is not None and abs(step.late) <= self._latest
+        if step.late is None or (paths.best.way.is_known and self._is_held_up(pending, step)):
+            return False
+        return abs(step.late) <= self._latest or self._arrivals.ticks_over(step.late)
+
+    def _is_held_up(self, pending: Pending, step: Step) -> bool:
+        return is_held_up(pending, step) and not self._arrivals.ticks_over(step.arrived or 0.0)
 
 
 def _is_there(pending: Pending, step: Step) -> bool:
