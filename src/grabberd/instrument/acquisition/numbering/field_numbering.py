@@ -57,6 +57,8 @@ _MOST_PENDING = 16
 """Fields that wait for more evidence before the likeliest path is taken, or as many as the driver's buffers
 hold if that is more, and `_CONFIRMING` after them."""
 _CONFIRMING = 10
+_TURNED = "the camera has gone on in the other phase"
+_OTHER_PHASE = "if they are not, the camera has gone on in the other phase"
 _KEEPS_ON = 8
 """Fields in a row that a driver counts too many for, after which it keeps doing so."""
 
@@ -351,7 +353,7 @@ class FieldNumbering:
         evidence = self._evidence(pending, step, doubt_of_number, paths, out_of_place_by)
         evidence = evidence._replace(stamped=doubt is None)
         uncertain_by = self._doubts.of(self._n, time_ns, step, pending.arrival, evidence)
-        rebases = self._rebases(pending, step, is_certain=not uncertain_by)
+        rebases = self._rebases(pending, step, is_certain=not uncertain_by, ends_doubt=was_open)
         if unsure_by:
             rebases = (*rebases, numbers_unsure(self._n, unsure_by))
         if uncertain_by:
@@ -422,11 +424,14 @@ class FieldNumbering:
             self._arrivals.way = paths.best.way
         paths.confirm_way(self._arrivals.way)
 
-    def _rebases(self, pending: Pending, step: Step, *, is_certain: bool) -> tuple[LedgerEvent, ...]:
+    def _rebases(
+        self, pending: Pending, step: Step, *, is_certain: bool, ends_doubt: bool
+    ) -> tuple[LedgerEvent, ...]:
         """Changes of the base of numbers and times, from this field on.
 
         Whether the count has skipped, and the camera goes on in the other phase, is only known with a certain
-        number, unless a driver keeps counting too many.
+        number, unless a driver keeps counting too many. After a doubt that the times of arrivals have ended,
+        the other phase may as well mean that the numbers are off by one.
         """
         found, self._timing.rebases = self._timing.rebases, []
         self._overcounted = self._overcounted + 1 if pending.overcounts(step.fields) else 0
@@ -441,7 +446,9 @@ class FieldNumbering:
             # Numbers that are off by an odd number are explained by that alone.
             before, self._phase = self._phase, (pending.parity - self._n + self._too_high_by) % 2
             if self._phase != before:
-                found.append((Rebase.PHASE, "the camera has gone on in the other phase"))
+                is_unsure = ends_doubt and not self._arrivals.tells_of_stamps
+                unsure = numbers_unsure(self._n, 1, _OTHER_PHASE)
+                found.append((unsure.kind, unsure.reason) if is_unsure else (Rebase.PHASE, _TURNED))
         self._parity = (self._parity + step.fields) % 2 if step.wrong_parity else pending.parity
         events = tuple(LedgerEvent(self._n, *one) for one in found)
         return (*events, numbers_off(self._n, too_high_by)) if too_high_by else events
