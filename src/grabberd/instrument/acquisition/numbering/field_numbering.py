@@ -446,7 +446,8 @@ class FieldNumbering:
             # Numbers that are off by an odd number are explained by that alone.
             before, self._phase = self._phase, (pending.parity - self._n + self._too_high_by) % 2
             if self._phase != before:
-                is_unsure = ends_doubt and not self._arrivals.tells_of_stamps
+                tells = self._arrivals.tells_of_stamps and not self._arrivals.ticks_over(1.0)
+                is_unsure = ends_doubt and not tells
                 unsure = numbers_unsure(self._n, 1, _OTHER_PHASE)
                 found.append((unsure.kind, unsure.reason) if is_unsure else (Rebase.PHASE, _TURNED))
         self._parity = (self._parity + step.fields) % 2 if step.wrong_parity else pending.parity
