@@ -84,3 +84,15 @@ def test_they_tell_of_the_first_stamps_if_it_was_not_known_how_late_those_are():
     timing = after_a_loss_that_may_be_none(0, may_be_late=True)
     assert timing.take_late() == pytest.approx(1, abs=0.2)
     assert timing.take_ahead() == 0
+
+
+def test_fields_by_which_numbers_turn_out_to_be_far_ahead_do_not_spoil_the_rate():
+    timing, arrivals = begun()
+    arrivals.way = Way(2.0, 8)
+    timing.begin(in_time(0))
+    for n in range(1, 20):
+        timing.come_to(in_time(n), Step(1, 0.0, 0.0), n)
+    for n in range(20, 23):
+        timing.come_to(in_time(n), Step(5 if n == 20 else 1, -4.0, -4.0), n + 4)
+    assert timing.take_ahead() == pytest.approx(4, abs=0.01)
+    assert timing.period_ns == pytest.approx(PERIOD_NS, rel=1e-6)

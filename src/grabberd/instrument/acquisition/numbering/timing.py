@@ -149,6 +149,8 @@ _IN_TIME = 0.6
 """Periods after the shortest way, within which a field has arrived in time."""
 _EARLY = 3
 """Fields in a row that are early by a whole one, after which the clock is wrong and not they."""
+_PULLS = 3.0
+"""Periods by which such a field may be early and still correct the clock: more would spoil the period."""
 _NEW_FOR = 100
 """Fields of a stream within which its first stamps may turn out to have been late. Later on, early stamps are
 those of another clock."""
@@ -384,7 +386,7 @@ class Timing:
         """Advance to a field that is early; after some of them the numbers have run ahead of the camera."""
         self._early += 1
         if self._early < _EARLY:
-            return self._clock.advance(step.fields, time_ns)
+            return self._clock.advance(step.fields, time_ns if late > -_PULLS else None)
         self._run_ahead(-late, time_ns)
         return time_ns
 
