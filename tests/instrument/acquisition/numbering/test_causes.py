@@ -205,3 +205,16 @@ def test_a_buffer_that_is_handed_over_twice_has_had_its_turn():
             numbering.skip(n % 2, until_ns)
     losses = [entry for field in found + numbering.settle() for entry in lost(field.lost_before)]
     assert losses == [(47, 3, "computer busy")]
+
+
+def test_a_computer_that_may_have_stood_still_while_fields_waited_is_one_cause_of_a_loss_meanwhile():
+    """Fields that waited do not show it, and a pause shorter than the buffers last explains no loss alone."""
+    stream = info(counts_losses=True)
+    numbering, until_ns = Numbering(stream), grab(47).time_ns + 2 * PERIOD_NS
+    for n in [*range(41), *range(46, 80)]:
+        came_ns, waited = grab(n).time_ns + 2 * PERIOD_NS, n in (40, 46)
+        if n == 40:
+            numbering.paused(7 * PERIOD_NS, until_ns)
+        numbering.see(grab(n, sequence=n), now_ns=until_ns if waited else came_ns, in_time=not waited)
+    losses = [entry for field in numbering.settled() for entry in lost(field.lost_before)]
+    assert losses == [(41, 5, "unclear: time gap, or computer busy (waited 0.1 s for a processor)")]

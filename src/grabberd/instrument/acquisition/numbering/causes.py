@@ -8,7 +8,7 @@ from grabberd.instrument.acquisition.numbering.arrivals import Arrivals
 from grabberd.instrument.acquisition.numbering.pace import Pace
 from grabberd.instrument.acquisition.numbering.paths import Step
 from grabberd.instrument.acquisition.numbering.pending import Pending
-from grabberd.instrument.acquisition.numbering.standstill import Standstill
+from grabberd.instrument.acquisition.numbering.standstill import Standstill, StandstillOfDriver
 
 TIME_GAP = "time gap"
 SEQUENCE_GAP = "sequence gap"
@@ -26,14 +26,16 @@ class Causes:
     Args:
         arrivals: Those of the stream.
         pace: Of the camera.
+        buffered_ns: Time that fills the driver's buffers, after which it may as well have stood still.
 
     Attributes:
         held_by: Number of fields lost before the last one that may as well be missing behind it.
     """
 
-    def __init__(self, arrivals: Arrivals, pace: Pace) -> None:
+    def __init__(self, arrivals: Arrivals, pace: Pace, buffered_ns: int) -> None:
         self._arrivals = arrivals
         self._pace = pace
+        self._buffered_ns = buffered_ns
         self._blamed: set[Standstill] = set()
         self.held_by = 0
 
@@ -83,7 +85,8 @@ class Causes:
         first, last = self._arrivals.would_have_come(time_ns, lost, stood.ended_ns)
         within = lost - max(math.ceil(last - in_turn - _OF_STANDSTILL), 0)  # the others began after it
         shortest = due - in_turn if held else max(due - 1, _LONG)
-        if first <= _OF_STANDSTILL and within >= shortest - _OF_STANDSTILL:
+        is_of_driver = isinstance(stood, StandstillOfDriver) or stood.time_ns > self._buffered_ns
+        if is_of_driver and first <= _OF_STANDSTILL and within >= shortest - _OF_STANDSTILL:
             self._blamed.add(stood)
             # Its own buffer may have been held up, and stamped afterwards: then they are missing behind.
             self.held_by = lost if held else self.held_by

@@ -93,7 +93,7 @@ class FieldNumbering:
         self._timing = Timing(info, self._pace, self._stamps, self._arrivals, since_ns)
         self._doubts = Doubts(self._arrivals, self._timing)
         self._turns = Turns(self._pace, self._arrivals.in_turn)
-        self._causes = Causes(self._arrivals, self._pace)
+        self._causes = Causes(self._arrivals, self._pace, info.buffered_ns)
         self._n = -1
         self._parity = 0
         self._miscounted = False
