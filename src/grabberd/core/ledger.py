@@ -60,10 +60,13 @@ def numbers_off(n: int, too_high_by: int) -> LedgerEvent:
     return LedgerEvent(n, Rebase.NUMBERS, f"the numbers from here on are {abs(too_high_by)} too {what}")
 
 
-def numbers_unsure(n: int, by_up_to: int) -> LedgerEvent:
-    """The event that numbers from a field on may be off by so many: a gap's length in fields is not known."""
+_UNKNOWN_RATE = "the camera's rate is not known well enough for the gap"
+
+
+def numbers_unsure(n: int, by_up_to: int, because: str = _UNKNOWN_RATE) -> LedgerEvent:
+    """The event that numbers from a field on may be off by so many, and why."""
     reason = f"the numbers from here on may be up to {by_up_to} too high or too low"
-    return LedgerEvent(n, Rebase.NUMBERS, f"{reason}: the camera's rate is not known well enough for the gap")
+    return LedgerEvent(n, Rebase.NUMBERS, f"{reason}: {because}")
 
 
 def unsure_by(event: LedgerEvent) -> int:

@@ -5,7 +5,7 @@ import numpy as np
 from grabberd.core.field import Field, FieldOrder
 from grabberd.instrument.acquisition.device import GrabbedField, Signal, StreamInfo
 from grabberd.instrument.acquisition.numbering import FieldNumbering
-from grabberd.instrument.acquisition.numbering.standstill import StandstillOfDriver
+from grabberd.instrument.acquisition.numbering.standstill import Standstill, StandstillOfDriver
 
 MS = 1_000_000
 PERIOD_NS = 20_000_000
@@ -77,9 +77,13 @@ class Numbering:
         """Notes that nobody asked for fields."""
         self._numbering.stood_still(time_ns)
 
-    def driver_stood_still(self, time_ns):
+    def paused(self, time_ns, until_ns):
+        """Notes that the program took none, while fields waited."""
+        self._numbering.of_driver = Standstill(time_ns, time_ns, 0, ended_ns=until_ns)
+
+    def driver_stood_still(self, time_ns, until_ns):
         """Notes that nothing ran, not even the driver."""
-        self._numbering.of_driver = StandstillOfDriver(time_ns, time_ns, 0)
+        self._numbering.of_driver = StandstillOfDriver(time_ns, time_ns, 0, ended_ns=until_ns)
 
     def settled(self):
         """All fields so far."""

@@ -121,8 +121,9 @@ def test_waiting_for_a_processor_is_told_with_its_time(where: str) -> None:
 
 
 def test_a_wait_within_the_time_out_is_told_as_well() -> None:
-    found = Thread().request(waits_s=0.04)
-    assert found == Standstill(40_000_000, 40_000_000, 0)
+    thread = Thread()
+    found = thread.request(waits_s=0.04)
+    assert found == Standstill(40_000_000, 40_000_000, 0, ended_ns=thread.clock.now_ns())
 
 
 @pytest.mark.parametrize("where", ["in the request", "between two"])

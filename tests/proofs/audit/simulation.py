@@ -14,7 +14,8 @@ from .grabber import AuditedGrabber
 from .weather import Case
 
 _AFTER_S, _AFTER_TURNS = 1.5, 40
-"""Time after the stop for fields on their way, and for explanations; the program must have run meanwhile."""
+"""Time after the stop for fields on their way, and for explanations, and turns of the program in which none
+waited any more: one that comes round seldom has not yet taken all that were exposed before the stop."""
 _CONFIG = SMALL.model_copy(update={"ring": RingConfig(bits=8, lines="field", slots=4096)})
 """The recorder is never overrun: it has its own tests."""
 
@@ -84,7 +85,7 @@ class Simulation:
             else:
                 self._take(recorder)
         elif recorder is not None:
-            self._turns_after += 1
+            self._turns_after += not self.grabber.driver.filled
             after_s = passed_s - self.case.stop_s if self.stop_ns else _AFTER_S
             if after_s >= _AFTER_S and self._turns_after >= _AFTER_TURNS:
                 self._stopping.set()

@@ -15,7 +15,10 @@ from .world import CABLE, COMPUTER, Camera, Driver, Loss, Span, Weather
 
 SEEDS = range(30)
 """A minute of the ten thousand: `make audit` runs them all."""
-MENDED = [477, 912, 1049, 1598, 2101, 3035, 3349, 4023, 4107, 4339, 4358, 5606, 5743, 5759, 6048, 6215, 6278]
+MENDED = [
+    477, 912, 1049, 1598, 2079, 2101, 3035, 3219, 3349, 4023, 4107, 4339, 4358, 5591, 5606, 5743, 5759,
+    6048, 6215, 6278, 12224, 12255, 12393, 12801, 13303, 20434, 21943, 23250, 23493, 24172,
+]  # fmt: skip
 """Weather in which an account once lied."""
 
 

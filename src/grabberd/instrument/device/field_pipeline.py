@@ -30,7 +30,6 @@ from grabberd.instrument.acquisition import (
     Standstill,
     StreamInfo,
 )
-from grabberd.instrument.acquisition.numbering.standstill import StandstillOfDriver
 from grabberd.instrument.device.threshold_keeper import NewestField, ThresholdKeeper
 
 BEHIND_NS = 40_000_000
@@ -253,9 +252,7 @@ class FieldPipeline:
         self._numbering.returned_ns = returned_ns
         if standstill is not None:
             self._numbering.stood_still(standstill.time_ns, standstill.reason)
-            is_long = self._granted is not None and standstill.time_ns > self._granted.buffered_ns
-            may_be_of_driver = is_long or isinstance(standstill, StandstillOfDriver)
-            self._numbering.of_driver = standstill if may_be_of_driver else None
+            self._numbering.of_driver = standstill
         taken = _Taken(grabbed.time_ns, grabbed.sequence, now_ns, in_time)
         if self._is_handed_over_again(taken, grabbed.field.parity) and content.damage == REPEATED:
             self._numbering.skip(grabbed.field.parity, now_ns)

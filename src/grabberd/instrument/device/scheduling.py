@@ -161,7 +161,7 @@ class Scheduling:
         self._asked_ns = self._came_ns = clock.now_ns()
         self._fields = 0
         self._at_asking = self._at_empty = self._at_field = _Used(None, 0, 0)
-        self._late_ns = self._paused_ns = 0
+        self._late_ns = self._paused_ns = self._ended_ns = 0
         self._unreported = False
         self._period_ns = 0
         self.paced(PAL_HZ)
@@ -202,9 +202,11 @@ class Scheduling:
             # While a thread waits for a processor, drivers have one.
             between_ns = self._asked_ns - self._came_ns
             between_ns -= _waited_ns(self._at_field.thread, self._at_asking.thread)
-            self._paused_ns += sum(
+            paused_ns = [
                 self._overrun(took_ns, timeout_s) for took_ns in (request_ns - waited_ns, between_ns)
-            )
+            ]
+            self._paused_ns += sum(paused_ns)
+            self._ended_ns = now_ns if any(paused_ns) else self._ended_ns
         else:
             # There was always a field to take since the last ones, which had their own time.
             late_ns = now_ns - self._came_ns - self._fields * self._period_ns
@@ -212,7 +214,8 @@ class Scheduling:
         self.was_in_time = found_empty and late_ns < notable_ns
         self._came_ns, self._fields = now_ns, fields
         self._late_ns = max(0, self._late_ns + late_ns)
-        self._unreported |= late_ns >= notable_ns
+        if late_ns >= notable_ns:
+            self._unreported, self._ended_ns = True, now_ns
         standstill = self._standstill(used)
         if fields:
             self._unreported, self._paused_ns, self._at_field = False, 0, used
@@ -227,7 +230,7 @@ class Scheduling:
         waited_ns = None if used.thread is None else _waited_ns(since.thread, used.thread)
         used_ns = used.program_ns - since.program_ns
         called_ns = used.called_ns - since.called_ns
-        return kind(max(self._late_ns, self._paused_ns), waited_ns, used_ns, called_ns)
+        return kind(max(self._late_ns, self._paused_ns), waited_ns, used_ns, called_ns, self._ended_ns)
 
     def _overrun(self, took_ns: int, timeout_s: float) -> int:
         """Time by which something took too long; if it exceeded its limit, a field was due before."""

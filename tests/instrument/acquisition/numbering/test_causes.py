@@ -79,18 +79,20 @@ def test_all_fields_of_a_pause_and_no_more_are_lost_to_the_computer_which_stood_
 ):
     numbering = Numbering(info(counts_losses=True))
     for n in [*range(40), *range(40 + missing, 80)]:
+        came_ns = grab(n).time_ns + 2 * PERIOD_NS
         if n == 40 + missing:
-            numbering.driver_stood_still(5 * PERIOD_NS)
-        numbering.see(grab(n, sequence=n), now_ns=grab(n).time_ns + 2 * PERIOD_NS)
+            numbering.driver_stood_still(5 * PERIOD_NS, came_ns)
+        numbering.see(grab(n, sequence=n), now_ns=came_ns)
     assert [entry for field in numbering.settled() for entry in lost(field.lost_before)] == losses
 
 
 def test_a_field_that_a_pause_of_the_computer_may_have_held_up_is_uncertain_and_the_next_is_not():
     numbering = Numbering(info(counts_losses=True))
     for n in [*range(40), *range(45, 80)]:
+        came_ns = grab(n).time_ns + 2 * PERIOD_NS
         if n == 45:
-            numbering.driver_stood_still(5 * PERIOD_NS)
-        numbering.see(grab(n, sequence=n), now_ns=grab(n).time_ns + 2 * PERIOD_NS)
+            numbering.driver_stood_still(5 * PERIOD_NS, came_ns)
+        numbering.see(grab(n, sequence=n), now_ns=came_ns)
     doubts = [(field.n, field.reason) for field in numbering.settled() if field.reason]
     assert doubts == [(45, "number uncertain by up to 5")]
 
@@ -100,7 +102,7 @@ def test_fields_that_were_filled_before_a_pause_of_the_computer_come_before_its_
     resumed_ns = grab(49).time_ns
     for n in [*range(42), *range(49, 80)]:
         if n == 40:
-            numbering.driver_stood_still(7 * PERIOD_NS)
+            numbering.driver_stood_still(7 * PERIOD_NS, resumed_ns)
         late = n in (40, 41)
         came_ns = grab(n).time_ns + 2 * PERIOD_NS
         numbering.see(
@@ -111,12 +113,16 @@ def test_fields_that_were_filled_before_a_pause_of_the_computer_come_before_its_
     ]
 
 
-def paused(until_n, kept):
-    """Losses of a program that stands still from field 40 until `until_n`, perhaps with its driver."""
+def paused(until_n, kept, again=None):
+    """Losses of a program that stands still from field 40 until `until_n`, perhaps with its driver, and once
+    more for three periods before field `again`.
+    """
     numbering, until_ns = Numbering(info(counts_losses=True)), grab(until_n).time_ns + 2 * PERIOD_NS
     for n in kept:
         if n == 40:
-            numbering.driver_stood_still((until_n - 40) * PERIOD_NS)
+            numbering.driver_stood_still((until_n - 40) * PERIOD_NS, until_ns)
+        if n == again:
+            numbering.driver_stood_still(3 * PERIOD_NS, until_ns)
         came_ns = grab(n).time_ns + 2 * PERIOD_NS
         late = n >= 40 and came_ns < until_ns
         numbering.see(grab(n, sequence=n), now_ns=until_ns if late else came_ns, in_time=not late)
@@ -126,6 +132,44 @@ def paused(until_n, kept):
 def test_a_long_loss_amid_a_pause_may_be_of_the_driver_or_of_the_bus():
     kept = [*range(42), *range(47, 80)]
     assert paused(52, kept) == [(42, 5, "unclear: time gap, or computer busy (waited 0.2 s for a processor)")]
+
+
+def test_a_short_pause_does_not_let_the_long_one_before_be_forgotten():
+    kept = [*range(42), *range(47, 80)]
+    assert paused(52, kept, again=47) == [
+        (42, 5, "unclear: time gap, or computer busy (waited 0.2 s for a processor)")
+    ]
+
+
+def test_a_pause_ends_before_what_a_hub_holds_back_meanwhile():
+    numbering = Numbering(info(counts_losses=True))
+    for n in [*range(40), *range(50, 90)]:
+        came_ns, held = grab(n).time_ns + 2 * PERIOD_NS, range(50, 62)
+        if n == 50:
+            numbering.driver_stood_still(14 * PERIOD_NS, grab(54).time_ns)
+        now_ns = grab(62).time_ns + 2 * PERIOD_NS if n in held else came_ns
+        numbering.see(grab(n, sequence=n), now_ns=now_ns, in_time=n not in held[1:])
+    losses = [entry for field in numbering.settled() for entry in lost(field.lost_before)]
+    assert losses == [(40, 10, "unclear: time gap, or computer busy (waited 0.3 s for a processor)")]
+
+
+@pytest.mark.parametrize(("later", "cause"), [(0.1, "computer busy"), (0.6, "time gap")])
+def test_what_begins_barely_after_a_buffer_is_returned_may_have_found_none(later, cause):
+    numbering, until_ns = Numbering(info(counts_losses=True)), grab(49).time_ns - round(later * PERIOD_NS)
+    for n in [*range(48), *range(49, 90)]:
+        came_ns = grab(n).time_ns + 2 * PERIOD_NS
+        if n == 40:
+            numbering.stood_still(until_ns - grab(40).time_ns)
+        waited = n >= 40 and came_ns < until_ns
+        numbering.see(grab(n, sequence=n), now_ns=until_ns if waited else came_ns, in_time=not waited)
+    assert [entry for field in numbering.settled() for entry in lost(field.lost_before)] == [(48, 1, cause)]
+
+
+def test_of_a_loss_that_goes_on_after_a_pause_only_what_came_within_it_may_be_of_the_driver():
+    assert paused(52, [*range(42), *range(56, 80)]) == [
+        (42, 12, "unclear: time gap, or computer busy (waited 0.2 s for a processor)"),
+        (54, 2, "time gap"),
+    ]
 
 
 def test_a_loss_after_a_pause_is_none_of_it_however_long():
@@ -161,3 +205,16 @@ def test_a_buffer_that_is_handed_over_twice_has_had_its_turn():
             numbering.skip(n % 2, until_ns)
     losses = [entry for field in found + numbering.settle() for entry in lost(field.lost_before)]
     assert losses == [(47, 3, "computer busy")]
+
+
+def test_a_computer_that_may_have_stood_still_while_fields_waited_is_one_cause_of_a_loss_meanwhile():
+    """Fields that waited do not show it, and a pause shorter than the buffers last explains no loss alone."""
+    stream = info(counts_losses=True)
+    numbering, until_ns = Numbering(stream), grab(47).time_ns + 2 * PERIOD_NS
+    for n in [*range(41), *range(46, 80)]:
+        came_ns, waited = grab(n).time_ns + 2 * PERIOD_NS, n in (40, 46)
+        if n == 40:
+            numbering.paused(7 * PERIOD_NS, until_ns)
+        numbering.see(grab(n, sequence=n), now_ns=until_ns if waited else came_ns, in_time=not waited)
+    losses = [entry for field in numbering.settled() for entry in lost(field.lost_before)]
+    assert losses == [(41, 5, "unclear: time gap, or computer busy (waited 0.1 s for a processor)")]

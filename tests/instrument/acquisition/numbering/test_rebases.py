@@ -5,7 +5,7 @@ import pytest
 from grabberd.core.field import FieldOrder
 from grabberd.core.ledger import UNCERTAIN, Outcome, Rebase, too_high_by
 from grabberd.instrument.acquisition.numbering import FieldNumbering
-from instrument.acquisition.streams import PERIOD_NS, Numbering, grab, info, numbers_in_time
+from instrument.acquisition.streams import MS, PERIOD_NS, Numbering, grab, info, numbers_in_time
 
 WAY_NS = 2 * PERIOD_NS
 
@@ -175,3 +175,40 @@ def test_stamps_of_before_the_epoch_leave_the_times_to_the_arrivals():
     last = numbering.settled()[-1]
     assert (last.n, last.reason) == (1599, "time predicted (zero timestamp)")
     assert last.time_ns == pytest.approx(grab(1599).time_ns + 1449 * longer_ns, abs=PERIOD_NS // 2)
+
+
+@pytest.mark.parametrize(
+    ("order", "fields", "counts", "uncertain"),
+    [
+        (FieldOrder.ALTERNATE, 4, True, 56),
+        (FieldOrder.ALTERNATE, 4, False, 12),
+        (FieldOrder.PROGRESSIVE, 1, False, 12),
+    ],
+)
+def test_a_clock_that_is_set_back_by_just_the_fields_that_are_lost_leaves_the_arrivals_to_tell(
+    order, fields, counts, uncertain
+):
+    """Stamps, parity and a count that has missed the loss go on as if nothing had happened."""
+    numbering, kept = Numbering(info(order, counts_losses=counts)), [*range(60), *range(60 + fields, 120)]
+    for place, n in enumerate(kept):
+        stamped = grab(n, late_ns=-fields * PERIOD_NS if n >= 60 else 0, sequence=place if counts else None)
+        numbering.see(stamped, now_ns=grab(n).time_ns + WAY_NS)
+    found = numbering.settled()
+    doubtful = [one for one in found if UNCERTAIN in (one.reason or "")]
+    assert len(doubtful) == uncertain
+    assert all(one.n == n for one, n in zip(found, kept, strict=True) if one not in doubtful)
+
+
+@pytest.mark.parametrize("held_from", [4, 7, 9])
+def test_a_clock_that_is_set_while_a_hub_holds_fields_back_is_no_loss_if_the_count_has_none(held_from):
+    """A queue drains without a loss, and what comes right after it has not waited."""
+    numbering = Numbering(info(FieldOrder.PROGRESSIVE, counts_losses=True), asked_ns=PERIOD_NS // 2)
+    held, until_ns = range(held_from, held_from + 8), grab(held_from + 10).time_ns + WAY_NS
+    kept = [*range(held_from + 8), *range(held_from + 11, held_from + 60)]
+    for n in kept:
+        now_ns = until_ns + (n - held_from) * MS // 2 if n in held else grab(n).time_ns + WAY_NS
+        stamped = grab(n, late_ns=PERIOD_NS if n >= held_from else 0, sequence=n)
+        numbering.see(stamped, now_ns=now_ns, in_time=n not in held[1:])
+    found = numbering.settled()
+    assert [one.n for one in found] == kept
+    assert max(abs(one.time_ns - grab(n).time_ns) for one, n in zip(found, kept, strict=True)) < MS

@@ -4,7 +4,7 @@ from random import Random
 
 import pytest
 
-from grabberd.core.ledger import Outcome
+from grabberd.core.ledger import Outcome, Rebase, unsure_by
 from grabberd.instrument.acquisition.numbering import FieldNumbering
 from grabberd.instrument.acquisition.numbering.arrivals import Way
 from instrument.acquisition.streams import MS, PERIOD_NS, START_NS, grab, info, lost
@@ -61,6 +61,21 @@ def test_while_nothing_tells_numbers_are_uncertain_by_as_much_as_they_may_be_off
     for off, one in zip(off_ns(found), found, strict=True):
         if one.outcome is Outcome.DAMAGED:
             assert abs(off) <= PERIOD_NS * (1 + int(one.reason.split()[-1]))
+
+
+@pytest.mark.parametrize("seed", [1, 2, 3])
+@pytest.mark.parametrize("last_ms", [0, 10, 400])
+@pytest.mark.parametrize("turns_at", [50, None])
+def test_when_arrivals_tell_at_last_no_phase_is_blamed_for_numbers_that_may_be_off(seed, last_ms, turns_at):
+    random = Random(seed)
+    waits_ns = [*sorted(random.randint(0, 400) * MS for _ in range(60)), *[last_ms * MS] * 60]
+    numbering, found = FieldNumbering(info(), START_NS - 4 * PERIOD_NS), []
+    for n, wait_ns in enumerate(waits_ns):
+        grabbed = grab(n, late_ns=wait_ns, parity=(n + (turns_at is not None and n >= turns_at)) % 2)
+        found += numbering.number(grabbed, now_ns=grab(n).time_ns + WAY_NS + wait_ns)
+    events = [event for one in found + numbering.settle() for event in one.rebases]
+    assert Rebase.PHASE not in {event.kind for event in events}
+    assert any(map(unsure_by, events)) == ((seed, last_ms, turns_at) == (2, 10, 50))
 
 
 def test_a_stamp_from_before_the_request_is_one_of_another_clock():

@@ -62,13 +62,17 @@ def test_a_device_that_wakes_late_now_and_then_loses_nothing(order, rate_hz):
 
 
 @pytest.mark.parametrize(("order", "in_turn"), [(FieldOrder.ALTERNATE, 1), (FieldOrder.TOP_FIRST, 2)])
-def test_times_do_not_run_away_from_fields_while_ticks_as_long_as_periods_pass_them(order, in_turn):
-    numbering, period_ns, tick_ns = FieldNumbering(info(order, rate_hz=NTSC_HZ)), 1e9 / NTSC_HZ, 16_667_000
-    found = []
+@pytest.mark.parametrize(("slower", "counts"), [(1.0, False), (1.005, False), (1.005, True)])
+def test_times_do_not_run_away_from_fields_while_ticks_as_long_as_periods_pass_them(
+    order, in_turn, slower, counts
+):
+    numbering = FieldNumbering(info(order, rate_hz=NTSC_HZ, counts_losses=counts))
+    period_ns, tick_ns, found = slower * 1e9 / NTSC_HZ, 16_667_000, []
     for n in range(3500):
         newest = n // in_turn * in_turn + in_turn - 1
         came_ns = START_NS + round(newest * period_ns)
         stamp_ns = came_ns // tick_ns * tick_ns - round((newest - n) * period_ns)
-        found += numbering.number(grab(n, time_ns=stamp_ns), now_ns=came_ns)
+        found += numbering.number(grab(n, time_ns=stamp_ns, sequence=n), now_ns=came_ns)
     assert [one.n for one in found] == list(range(len(found)))
+    assert {one.outcome for one in found} == {Outcome.RECEIVED}
     assert all(abs(one.time_ns - START_NS - one.n * period_ns) < 1.3 * period_ns for one in found)

@@ -61,13 +61,38 @@ def test_while_no_way_is_known_exposures_that_are_late_alike_mean_that_numbers_a
     assert timing.rebases == []
 
 
-def test_after_a_loss_that_may_be_none_early_fields_tell_of_numbers_and_not_of_the_first_stamps():
+def after_a_loss_that_may_be_none(regular, *, may_be_late=False):
+    """What fields tell that are early by one after a loss that was not counted."""
     timing, arrivals = begun()
-    arrivals.way = Way(2.0, 8)
-    timing.begin(in_time(0, stamped_on_arrival=True))
+    arrivals.way = Way(2.0, regular)
+    timing.begin(in_time(0, stamped_on_arrival=True), may_be_late=may_be_late)
     for n in range(1, 20):
         timing.come_to(in_time(n, stamped_on_arrival=True), Step(1, 0.0, 0.0), n)
     for n in range(20, 23):
         timing.come_to(in_time(n, stamped_on_arrival=True), Step(2 if n == 20 else 1, -1.0, -1.0), n + 1)
+    return timing
+
+
+@pytest.mark.parametrize("regular", [0, 8])
+def test_after_a_loss_that_may_be_none_early_fields_tell_of_numbers_and_not_of_the_first_stamps(regular):
+    timing = after_a_loss_that_may_be_none(regular)
     assert timing.take_ahead() == pytest.approx(1, abs=0.2)
     assert timing.rebases == []
+
+
+def test_they_tell_of_the_first_stamps_if_it_was_not_known_how_late_those_are():
+    timing = after_a_loss_that_may_be_none(0, may_be_late=True)
+    assert timing.take_late() == pytest.approx(1, abs=0.2)
+    assert timing.take_ahead() == 0
+
+
+def test_fields_by_which_numbers_turn_out_to_be_far_ahead_do_not_spoil_the_rate():
+    timing, arrivals = begun()
+    arrivals.way = Way(2.0, 8)
+    timing.begin(in_time(0))
+    for n in range(1, 20):
+        timing.come_to(in_time(n), Step(1, 0.0, 0.0), n)
+    for n in range(20, 23):
+        timing.come_to(in_time(n), Step(5 if n == 20 else 1, -4.0, -4.0), n + 4)
+    assert timing.take_ahead() == pytest.approx(4, abs=0.01)
+    assert timing.period_ns == pytest.approx(PERIOD_NS, rel=1e-6)

@@ -22,13 +22,15 @@ def handed_over(turns, order, in_turn, counts, until=46):
 
 @pytest.mark.parametrize("counts", [True, False])
 @pytest.mark.parametrize(("order", "in_turn"), STREAMS)
-@pytest.mark.parametrize("first", [40, 42])
-def test_two_buffers_out_of_turn_have_uncertain_numbers_and_are_not_lost(first, order, in_turn, counts):
-    exchanged = [*range(first + in_turn, first + 2 * in_turn), *range(first, first + in_turn)]
-    turns = [*range(first), *exchanged, *range(first + 2 * in_turn, 80)]
-    found = handed_over(turns, order, in_turn, counts)
+@pytest.mark.parametrize(("first", "passed_by"), [(40, 1), (42, 1), (42, 2), (42, 3)])
+def test_buffers_out_of_turn_have_uncertain_numbers_and_are_not_lost(
+    first, passed_by, order, in_turn, counts
+):
+    end = first + (1 + passed_by) * in_turn
+    turns = [*range(first), *range(first + in_turn, end), *range(first, first + in_turn), *range(end, 80)]
+    found = handed_over(turns, order, in_turn, counts, until=max(end, 46))
     assert_true(found, turns)
-    assert all(one.outcome is Outcome.DAMAGED for one in found[first : first + 2 * in_turn])
+    assert all(one.outcome is Outcome.DAMAGED for one in found[first:end])
     losses = [entry for field in found for entry in lost(field.lost_before)]
     assert all(reason.startswith("number uncertain") for _, _, reason in losses)
 

@@ -262,8 +262,6 @@ class Arrivals:
         is_long, of_own = lost >= _LONG, 0
         for kept_back, freed_ns in enumerate(arrival.freed_ns if is_long else arrival.freed_ns[:1]):
             later = (began_ns - freed_ns) / self._pace.period_ns
-            if later >= lost:
-                continue  # the first of them has begun after that
             on_its_way = max(math.ceil((later - _BARELY) / self.in_turn) - 1, 0) * self.in_turn
             found = lost - on_its_way
             if is_long and found >= lost - self.in_turn and later + _BARELY >= 0:
@@ -271,13 +269,13 @@ class Arrivals:
             of_own = of_own if kept_back else max(found, 0)
         return of_own // self.in_turn * self.in_turn
 
-    def would_have_come(self, time_ns: int, lost: int, resumed_ns: int | None) -> tuple[float, float]:
-        """Periods after a time at which the first and the last of the fields lost before one would have come;
-        both 0 while the way is unknown.
+    def would_have_come(self, time_ns: int, lost: int, since_ns: int | None) -> tuple[float, float]:
+        """Periods after a moment at which the first and the last of the fields lost before one would have
+        come; both 0 while the way is unknown.
         """
-        if resumed_ns is None or not self.way.is_known:
+        if since_ns is None or not self.way.is_known:
             return 0.0, 0.0
-        after = (time_ns - resumed_ns) / self._pace.period_ns + self.way.periods
+        after = (time_ns - since_ns) / self._pace.period_ns + self.way.periods
         return after - lost + self.in_turn - 1, after - 1
 
     def exposed_ns(self, arrival: Arrival) -> int | None:

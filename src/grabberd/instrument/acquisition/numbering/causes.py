@@ -8,7 +8,7 @@ from grabberd.instrument.acquisition.numbering.arrivals import Arrivals
 from grabberd.instrument.acquisition.numbering.pace import Pace
 from grabberd.instrument.acquisition.numbering.paths import Step
 from grabberd.instrument.acquisition.numbering.pending import Pending
-from grabberd.instrument.acquisition.numbering.standstill import Standstill
+from grabberd.instrument.acquisition.numbering.standstill import Standstill, StandstillOfDriver
 
 TIME_GAP = "time gap"
 SEQUENCE_GAP = "sequence gap"
@@ -26,15 +26,17 @@ class Causes:
     Args:
         arrivals: Those of the stream.
         pace: Of the camera.
+        buffered_ns: Time that fills the driver's buffers, after which it may as well have stood still.
 
     Attributes:
         held_by: Number of fields lost before the last one that may as well be missing behind it.
     """
 
-    def __init__(self, arrivals: Arrivals, pace: Pace) -> None:
+    def __init__(self, arrivals: Arrivals, pace: Pace, buffered_ns: int) -> None:
         self._arrivals = arrivals
         self._pace = pace
-        self._blamed: Standstill | None = None
+        self._buffered_ns = buffered_ns
+        self._blamed: set[Standstill] = set()
         self.held_by = 0
 
     def lost_before(self, pending: Pending, step: Step, n: int, time_ns: int) -> tuple[LedgerEntry, ...]:
@@ -66,24 +68,34 @@ class Causes:
 
     def _of_driver(self, pending: Pending, lost: int, time_ns: int) -> tuple[int, str, bool] | None:
         """Fields lost while the driver stood still as well, why, and false if it is one cause of several."""
-        stood = pending.of_driver
-        if stood is None or stood is self._blamed:
-            return None
+        self._blamed.intersection_update(pending.of_driver)
+        found = [
+            self._of_one(stood, lost, time_ns, held=pending.may_be_held and i == 0)
+            for i, stood in enumerate(pending.of_driver)
+            if stood not in self._blamed
+        ]
+        fitting = [one for one in found if one is not None]
+        return max(fitting, default=None, key=lambda one: (one[0], one[2]))
+
+    def _of_one(
+        self, stood: Standstill, lost: int, time_ns: int, *, held: bool
+    ) -> tuple[int, str, bool] | None:
+        """The same of one standstill; `held`: true if it was right before the field."""
         in_turn, due = self._arrivals.in_turn, stood.time_ns / self._pace.period_ns
-        first, last = self._arrivals.would_have_come(time_ns, lost, pending.resumed_ns)
-        if first > _OF_STANDSTILL:
-            return None  # all came after it
-        shortest = due - in_turn if pending.may_be_held else max(due - 1, _LONG)
-        if lost >= shortest - _OF_STANDSTILL:
-            self._blamed = stood
+        first, last = self._arrivals.would_have_come(time_ns, lost, stood.ended_ns)
+        within = lost - max(math.ceil(last - in_turn - _OF_STANDSTILL), 0)  # the others began after it
+        shortest = due - in_turn if held else max(due - 1, _LONG)
+        is_of_driver = isinstance(stood, StandstillOfDriver) or stood.time_ns > self._buffered_ns
+        if is_of_driver and first <= _OF_STANDSTILL and within >= shortest - _OF_STANDSTILL:
+            self._blamed.add(stood)
             # Its own buffer may have been held up, and stamped afterwards: then they are missing behind.
-            self.held_by = lost if pending.may_be_held else 0
+            self.held_by = lost if held else self.held_by
             # As well as one that had begun before it. If more are missing, it explains none of them surely.
-            by_it = min(lost, (math.ceil(due / in_turn) + 1) * in_turn)
+            by_it = min(within, (math.ceil(due / in_turn) + 1) * in_turn)
             return by_it, stood.reason, lost == by_it
         # It stood still for a part of that time, or they were lost on the bus meanwhile.
-        is_within = -due <= first and last <= _OF_STANDSTILL
-        return (lost, stood.reason, False) if lost >= _LONG and is_within else None
+        may_be = within >= _LONG and -due <= first <= _OF_STANDSTILL
+        return (within, stood.reason, False) if may_be else None
 
 
 def _gap(pending: Pending, step: Step) -> str:

@@ -27,7 +27,7 @@ from grabberd.instrument.acquisition.numbering.pending import (
 )
 from grabberd.instrument.acquisition.numbering.settling import Doubt, Doubts, Evidence, Settling
 from grabberd.instrument.acquisition.numbering.stamps import Stamps
-from grabberd.instrument.acquisition.numbering.standstill import COMPUTER_BUSY, Standstill
+from grabberd.instrument.acquisition.numbering.standstill import COMPUTER_BUSY, RecentStandstills, Standstill
 from grabberd.instrument.acquisition.numbering.timing import Timing
 from grabberd.instrument.acquisition.numbering.turns import Turns
 
@@ -57,8 +57,8 @@ _MOST_PENDING = 16
 """Fields that wait for more evidence before the likeliest path is taken, or as many as the driver's buffers
 hold if that is more, and `_CONFIRMING` after them."""
 _CONFIRMING = 10
-_FROM_BEFORE = 2
-"""Buffers after a standstill of the driver that may have been filled before it although they came in time."""
+_TURNED = "the camera has gone on in the other phase"
+_OTHER_PHASE = "if they are not, the camera has gone on in the other phase"
 _KEEPS_ON = 8
 """Fields in a row that a driver counts too many for, after which it keeps doing so."""
 
@@ -93,7 +93,7 @@ class FieldNumbering:
         self._timing = Timing(info, self._pace, self._stamps, self._arrivals, since_ns)
         self._doubts = Doubts(self._arrivals, self._timing)
         self._turns = Turns(self._pace, self._arrivals.in_turn)
-        self._causes = Causes(self._arrivals, self._pace)
+        self._causes = Causes(self._arrivals, self._pace, info.buffered_ns)
         self._n = -1
         self._parity = 0
         self._miscounted = False
@@ -109,9 +109,7 @@ class FieldNumbering:
         self._standstill = COMPUTER_BUSY
         self.returned_ns: int | None = None
         self.of_driver: Standstill | None = None
-        self._stood: Standstill | None = None
-        self._after_it = 0
-        self._resumed_ns: int | None = None
+        self._stood = RecentStandstills(self._most_waiting, self._arrivals.in_turn)
         self._waited = self._uncertain_by = 0
 
     @property
@@ -178,16 +176,9 @@ class FieldNumbering:
         """
         absent = NO_SIGNAL if signal is Signal.ABSENT else no_picture
         outcome = outcome_of(absent, grabbed.damage or damage)
-        if self.of_driver is not None:
-            self._stood, self._after_it, self._resumed_ns = self.of_driver, self._most_waiting, now_ns
         pending = self._look(grabbed, now_ns, *outcome, no_signal=signal is Signal.ABSENT, in_time=in_time)
         settled = self._follow_pace() if self._has_another_pace(pending) else []
         self._waited, self.of_driver = max(self._waited - 1, 0), None
-        # One that came in time may still be from before the standstill, but not those after it.
-        last = (
-            _FROM_BEFORE * self._arrivals.in_turn if in_time and pending.may_be_held else self._after_it - 1
-        )
-        self._after_it = max(last, 0)
         self._interruption = None
         if self._paths is not None:
             return settled + self._go_on(self._paths, pending)
@@ -252,7 +243,7 @@ class FieldNumbering:
 
     def _begin_with(self, first: Pending, late_ns: int, late_by: int) -> Numbered:
         """Number the first field, given the delay of its stamp and the fields by which it may be late."""
-        time_ns, doubt = self._timing.begin(first, late_ns)
+        time_ns, doubt = self._timing.begin(first, late_ns, may_be_late=late_by > 0)
         self._doubts.begin(time_ns, late_by)
         self._n, self._parity = 0, first.parity
         self._phase = first.parity
@@ -338,9 +329,8 @@ class FieldNumbering:
             may_have_waited=0 if in_time else self._longest_wait(arrival),
             interruption=self._interruption,
             standstill=self._standstill if self._waited > 0 else None,
-            of_driver=self._stood if self._after_it else None,
+            of_driver=self._stood.before_next(self.of_driver, in_time=in_time),
             may_be_held=self.of_driver is not None,
-            resumed_ns=self._resumed_ns,
         )
 
     def _settle_oldest(self, paths: Paths) -> Numbered:
@@ -363,7 +353,7 @@ class FieldNumbering:
         evidence = self._evidence(pending, step, doubt_of_number, paths, out_of_place_by)
         evidence = evidence._replace(stamped=doubt is None)
         uncertain_by = self._doubts.of(self._n, time_ns, step, pending.arrival, evidence)
-        rebases = self._rebases(pending, step, is_certain=not uncertain_by)
+        rebases = self._rebases(pending, step, is_certain=not uncertain_by, ends_doubt=was_open)
         if unsure_by:
             rebases = (*rebases, numbers_unsure(self._n, unsure_by))
         if uncertain_by:
@@ -395,6 +385,8 @@ class FieldNumbering:
         ahead = self._timing.take_ahead()
         if ahead < 0:
             paths.lengthen_way(ahead)  # each way was learned while all numbers were too low
+        elif ahead > 0:
+            paths.take_way(self._arrivals.way)  # since the last certain one, while they were too high
         # One more: the early fields before it have moved the clock by part of a period.
         too_many = math.ceil(ahead) + 1 if ahead else 0
         # It has waited as long as allowed, and the cause of its delay is still unknown.
@@ -432,11 +424,14 @@ class FieldNumbering:
             self._arrivals.way = paths.best.way
         paths.confirm_way(self._arrivals.way)
 
-    def _rebases(self, pending: Pending, step: Step, *, is_certain: bool) -> tuple[LedgerEvent, ...]:
+    def _rebases(
+        self, pending: Pending, step: Step, *, is_certain: bool, ends_doubt: bool
+    ) -> tuple[LedgerEvent, ...]:
         """Changes of the base of numbers and times, from this field on.
 
         Whether the count has skipped, and the camera goes on in the other phase, is only known with a certain
-        number, unless a driver keeps counting too many.
+        number, unless a driver keeps counting too many. After a doubt that the times of arrivals have ended,
+        the other phase may as well mean that the numbers are off by one.
         """
         found, self._timing.rebases = self._timing.rebases, []
         self._overcounted = self._overcounted + 1 if pending.overcounts(step.fields) else 0
@@ -451,7 +446,10 @@ class FieldNumbering:
             # Numbers that are off by an odd number are explained by that alone.
             before, self._phase = self._phase, (pending.parity - self._n + self._too_high_by) % 2
             if self._phase != before:
-                found.append((Rebase.PHASE, "the camera has gone on in the other phase"))
+                tells = self._arrivals.tells_of_stamps and not self._arrivals.ticks_over(1.0)
+                is_unsure = ends_doubt and not tells
+                unsure = numbers_unsure(self._n, 1, _OTHER_PHASE)
+                found.append((unsure.kind, unsure.reason) if is_unsure else (Rebase.PHASE, _TURNED))
         self._parity = (self._parity + step.fields) % 2 if step.wrong_parity else pending.parity
         events = tuple(LedgerEvent(self._n, *one) for one in found)
         return (*events, numbers_off(self._n, too_high_by)) if too_high_by else events

@@ -140,6 +140,7 @@ class Paths:
     def __init__(self, parity: int | None, way: Way, *, exact: bool = False) -> None:
         self._exact = exact
         self._paths = [Path(0.0, (), 0, parity, way)]
+        self._least_way = min(way.periods, 0.0)
         self._last = Step(1, 0.0, 0.0)
 
     @property
@@ -186,12 +187,17 @@ class Paths:
         """Note that all exposures so far were earlier by an amount."""
         self._paths = [path._replace(way=path.way.longer_by(periods)) for path in self._paths]
 
+    def take_way(self, way: Way) -> None:
+        """Note that only this one is known, of all that the fields seemed to come by."""
+        self._paths = [path._replace(way=way) for path in self._paths]
+
     def confirm_way(self, way: Way) -> None:
         """Note the shortest way of the fields whose numbers are certain."""
         self._paths = [
             path._replace(way=way) if path.way.is_far_longer_than(way.periods) else path
             for path in self._paths
         ]
+        self._least_way = min(way.periods, 0.0)
 
     def _possible(self) -> Iterator[Path]:
         return (path for path in self._paths if path.cost < self.best.cost + CERTAIN)
@@ -201,8 +207,11 @@ class Paths:
         for fields in _steps(path, seen):
             ahead = path.ahead + fields
             late, arrived = _after(seen.stamp, ahead), _after(_exposed(path, seen), ahead)
-            step = Step(fields, late, arrived, other_clock=_by_another_clock(late, before))
-            time = _cost_of_exact_time(step) if self._exact else _cost_of_time(step, before, seen, path.way)
+            # No field is lost out of a queue.
+            counted = seen.burst and seen.counted == fields
+            other_clock = _by_another_clock(late, before, counted=counted)
+            step = Step(fields, late, arrived, other_clock=other_clock)
+            time = self._cost_of_time(step, before, seen, path.way)
             cost = path.cost + _cost_of_loss(fields, seen) + time
             way = path.way if seen.arrival is None else _way(path.way, seen.arrival - ahead, seen)
             expected = None if path.parity is None else (path.parity + fields) % 2
@@ -213,6 +222,16 @@ class Paths:
             yield Path(cost + _WRONG_PARITY, (*path.steps, wrong), ahead, expected, way)
             turned = cost + (0.0 if seen.excused else _TURN)
             yield Path(turned, (*path.steps, step), ahead, seen.parity, way)
+
+    def _cost_of_time(self, step: Step, before: Step, seen: Seen, way: Way) -> float:
+        if self._exact:
+            return _cost_of_exact_time(step)
+        cost = _cost_of_time(step, before, seen, way)
+        if step.arrived is None:
+            return cost
+        # No field comes before it is exposed, however many seem to, unless their clock is ahead anyway.
+        too_short = min(step.arrived + way.periods - self._least_way, 0.0)
+        return cost + min(_cost_of_lateness(too_short, 0.0), _FAR)
 
 
 def _merged(one: Path, other: Path) -> Path:
@@ -231,11 +250,11 @@ def _same(one: Step, other: Step) -> bool:
     return (one.fields, one.wrong_parity) == (other.fields, other.wrong_parity)
 
 
-def _by_another_clock(late: float | None, before: Step) -> bool:
+def _by_another_clock(late: float | None, before: Step, *, counted: bool) -> bool:
     if late is None or before.late is None or abs(late) <= _EARLY_ARRIVAL:
         return False
     in_time = before.arrived is not None and abs(before.arrived) <= _EARLY_ARRIVAL
-    return (in_time or before.other_clock) and abs(late - before.late) <= _JITTER
+    return (in_time or before.other_clock or counted) and abs(late - before.late) <= _JITTER
 
 
 def _way(before: Way, periods: float, seen: Seen) -> Way:
@@ -244,7 +263,7 @@ def _way(before: Way, periods: float, seen: Seen) -> Way:
     A known way is not given up for a field whose number may be wrong.
     """
     stays = before.is_known and before.is_far_longer_than(periods)
-    return before if stays else before.after(periods, joined=seen.joined, waited=seen.waited)
+    return before if stays else before.after(periods, joined=seen.joined or seen.burst, waited=seen.waited)
 
 
 def _exposed(path: Path, seen: Seen) -> float | None:

@@ -36,9 +36,9 @@ class Pending:
             interruption.
         interruption: Why the stream stopped before it, or None.
         standstill: Why the driver's buffers may have been full before it, or None.
-        of_driver: A standstill shortly before it, if the driver may have stood still as well.
+        of_driver: Standstills shortly before it in which the driver may have stood still as well, the latest
+            first.
         may_be_held: True if that was right before it.
-        resumed_ns: When the program went on after that.
     """
 
     parity: int
@@ -58,9 +58,8 @@ class Pending:
     may_have_waited: int
     interruption: str | None
     standstill: str | None
-    of_driver: Standstill | None = None
+    of_driver: tuple[Standstill, ...] = ()
     may_be_held: bool = False
-    resumed_ns: int | None = None
 
     def overcounts(self, fields: int) -> bool:
         """True if the driver has counted more fields since the previous one than there were."""
@@ -115,13 +114,17 @@ def uncounted(pending: Pending, step: Step) -> int:
     return abs(step.fields - (1 if pending.count is None else pending.count))
 
 
+def is_held_up(pending: Pending, step: Step) -> bool:
+    """True if a field came late although the program waited for it."""
+    return pending.in_time and step.arrived is not None and step.arrived > _LATE
+
+
 def contradiction(pending: Pending, step: Step) -> int:
     """Number of fields by which evidence differs: stamp and count, if no arrival shows which is wrong,
     or after an interruption the stamp and the arrival of a field that has not waited.
     """
     if pending.interruption:
-        has_waited = not pending.in_time or step.arrived is None or step.arrived <= _LATE
-        return 0 if has_waited else math.ceil(step.arrived or 0.0)
+        return math.ceil(step.arrived or 0.0) if is_held_up(pending, step) else 0
     if pending.count is None or step.arrived_in_time:
         return 0
     return abs(pending.count - step.fields)

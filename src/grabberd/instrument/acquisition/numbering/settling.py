@@ -11,7 +11,7 @@ from typing import NamedTuple
 from grabberd.core.field import FieldOrder
 from grabberd.instrument.acquisition.numbering.arrivals import Arrival, Arrivals
 from grabberd.instrument.acquisition.numbering.paths import Paths, Step
-from grabberd.instrument.acquisition.numbering.pending import Pending, uncounted
+from grabberd.instrument.acquisition.numbering.pending import Pending, is_held_up, uncounted
 from grabberd.instrument.acquisition.numbering.timing import Timing
 
 _LATE = 0.75
@@ -66,7 +66,8 @@ class Settling:
         if next(iter(pending)).arrival.time_ns is None:
             return True
         steps = paths.best.steps
-        anchor = next((i for i, step in enumerate(steps) if self._in_time(step)), None)
+        in_time = (self._in_time(one, step, paths) for one, step in zip(pending, steps, strict=False))
+        anchor = next((i for i, is_in_time in enumerate(in_time) if is_in_time), None)
         return anchor is not None and paths.settled(anchor + 1) and self._links(pending, paths, anchor)
 
     def _links(self, pending: Collection[Pending], paths: Paths, anchor: int) -> bool:
@@ -109,17 +110,26 @@ class Settling:
         """Doubt about a field whose number must be settled before later ones have confirmed it."""
         lost = uncounted(oldest, paths.best.steps[0])
         in_doubt = lost > 0 and oldest.arrival.time_ns is not None and not self._arrivals.tells_of_stamps
-        return Doubt(max(self._spread(paths), lost * in_doubt), of_loss=in_doubt)
+        of_loss = in_doubt or self._is_held_up(oldest, paths.best.steps[0])
+        return Doubt(max(self._spread(oldest, paths), lost * in_doubt), of_loss)
 
-    def _spread(self, paths: Paths) -> int:
+    def _spread(self, oldest: Pending, paths: Paths) -> int:
         """Number of fields by which a field may be off if it is settled before its number is certain."""
         step = paths.best.steps[0]
-        if step.arrived is None or self._in_time(step):
+        if step.arrived is None or self._in_time(oldest, step, paths):
             return 0 if paths.settled() else paths.spread
         return max(paths.spread, math.ceil(step.arrived))
 
-    def _in_time(self, step: Step) -> bool:
-        return step.arrived_in_time or (step.late is not None and abs(step.late) <= self._latest)
+    def _in_time(self, pending: Pending, step: Step, paths: Paths) -> bool:
+        if step.arrived_in_time:
+            return True
+        # One that was held up may come after others that were lost, and with a clock that was set meanwhile.
+        if step.late is None or (paths.best.way.is_known and self._is_held_up(pending, step)):
+            return False
+        return abs(step.late) <= self._latest or self._arrivals.ticks_over(step.late)
+
+    def _is_held_up(self, pending: Pending, step: Step) -> bool:
+        return is_held_up(pending, step) and not self._arrivals.ticks_over(step.arrived or 0.0)
 
 
 def _is_there(pending: Pending, step: Step) -> bool:

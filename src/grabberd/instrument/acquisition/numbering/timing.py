@@ -149,6 +149,8 @@ _IN_TIME = 0.6
 """Periods after the shortest way, within which a field has arrived in time."""
 _EARLY = 3
 """Fields in a row that are early by a whole one, after which the clock is wrong and not they."""
+_PULLS = 3.0
+"""Periods by which such a field may be early and still correct the clock: more would spoil the period."""
 _NEW_FOR = 100
 """Fields of a stream within which its first stamps may turn out to have been late. Later on, early stamps are
 those of another clock."""
@@ -186,6 +188,7 @@ class Timing:
         self._arrivals = arrivals
         self._since_ns = since_ns
         self._first_ns: int | None = None
+        self._may_begin_late = False
         self._early = self._doubted = self._uncounted = 0
         self._arrives_after_ns: int | None = None
         self._late = self._ahead = 0.0
@@ -245,8 +248,13 @@ class Timing:
         late, self._late = self._late, 0.0
         return late
 
-    def begin(self, pending: Pending, late_ns: int = 0) -> tuple[int, str | None]:
-        """Begin with the first field, given the delay of its stamp; its time, and why that is predicted."""
+    def begin(
+        self, pending: Pending, late_ns: int = 0, *, may_be_late: bool = False
+    ) -> tuple[int, str | None]:
+        """Begin with the first field, given the delay of its stamp, and if it may be late beyond that; its
+        time, and why that is predicted.
+        """
+        self._may_begin_late = may_be_late
         time_ns = pending.time_ns
         if time_ns is None and pending.arrival.time_ns is not None:
             time_ns = pending.arrival.time_ns - self._usual_way_ns
@@ -323,9 +331,10 @@ class Timing:
         if self._arrivals.way.is_known and self._arrived_late_by(pending, step) > _IN_TIME:
             # It has waited, so its arrival is no evidence: a later one in time will reveal the clock.
             return self._clock.advance(step.fields), "early timestamp"
-        is_new = pending.stamped_on_arrival and (
-            (n < _NEW_FOR and not self._uncounted) or not self._arrivals.way.is_known
-        )  # a loss that was not counted may be none: then the numbers run ahead, and no stamp was late
+        way_is_known = self._arrivals.way.is_known
+        # A loss that was not counted may be none: then the numbers run ahead, and no stamp was late.
+        may_be_late = not self._uncounted or (self._may_begin_late and not way_is_known)
+        is_new = pending.stamped_on_arrival and may_be_late and (n < _NEW_FOR or not way_is_known)
         if is_new and not self._is_before_request(pending.time_ns, step):
             return self._begin_again(pending, step)
         return self._come_early(pending.time_ns, step, late), None
@@ -377,7 +386,7 @@ class Timing:
         """Advance to a field that is early; after some of them the numbers have run ahead of the camera."""
         self._early += 1
         if self._early < _EARLY:
-            return self._clock.advance(step.fields, time_ns)
+            return self._clock.advance(step.fields, time_ns if late > -_PULLS else None)
         self._run_ahead(-late, time_ns)
         return time_ns
 

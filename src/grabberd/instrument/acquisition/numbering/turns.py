@@ -1,6 +1,7 @@
 """Turns of the buffers: two that wait may be handed over in another order than they were filled."""
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
+from itertools import islice
 
 from grabberd.instrument.acquisition.numbering.pace import Pace
 from grabberd.instrument.acquisition.numbering.paths import Step
@@ -10,6 +11,8 @@ _LATE = 0.75
 """Periods by which a stamp is late if its field may have been handed over too early."""
 _MOST = 8
 """Fields by which a buffer may be older than the one before, whose turn it was; else a clock was set."""
+_PASS = 3
+"""Buffers that may pass one by."""
 
 
 class Turns:
@@ -30,18 +33,21 @@ class Turns:
         self._newest: Pending | None = None
 
     def is_awaited(self, oldest: Pending, step: Step, after: Iterable[Pending]) -> bool:
-        """True if the next buffer may show that a field was handed over too early, and waits already."""
+        """True if a later buffer may show that a field was handed over too early, and waits already."""
         if oldest.in_time or oldest.interruption or oldest.arrival.time_ns is None:
             return False
         is_ahead = step.fields > 1 or (step.late or 0.0) > _LATE
-        return is_ahead and _next_buffer(after) is None
+        buffers = list(_next_buffers(after))
+        return is_ahead and len(buffers) < _PASS and not any(one.in_time for one in buffers)
 
     def out_by(self, oldest: Pending, after: Iterable[Pending]) -> int:
         """Number of fields by which one may be out of its turn; to be called for each in order."""
         if not oldest.arrival.joined:
             # Several may have passed it by.
             self._older_by = self._fields_older(self._newest, oldest)
-            self._next_older_by = self._fields_older(oldest, _next_buffer(after))
+            self._next_older_by = max(
+                (self._fields_older(oldest, other) for other in _next_buffers(after)), default=0
+            )
             if not self._older_by:
                 self._newest = oldest
         return max(self._older_by, self._next_older_by)
@@ -51,8 +57,8 @@ class Turns:
         """True if the last field is older than the newest before: it is not one more."""
         return self._older_by > 0
 
-    def _fields_older(self, one: Pending | None, other: Pending | None) -> int:
-        if one is None or other is None or other.in_time or other.interruption:
+    def _fields_older(self, one: Pending | None, other: Pending) -> int:
+        if one is None or other.in_time or other.interruption:
             return 0
         by_stamp = round((one.stamp_ns - other.stamp_ns) / self._pace.period_ns) if other.stamp_ns > 0 else 0
         by_count = 0
@@ -61,5 +67,5 @@ class Turns:
         return next((by + self._in_turn for by in (by_stamp, by_count) if 0 < by <= _MOST), 0)
 
 
-def _next_buffer(after: Iterable[Pending]) -> Pending | None:
-    return next((one for one in after if not one.arrival.joined), None)
+def _next_buffers(after: Iterable[Pending]) -> Iterator[Pending]:
+    return islice((one for one in after if not one.arrival.joined), _PASS)
