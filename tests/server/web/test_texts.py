@@ -54,7 +54,7 @@ def reason_codes() -> set[str]:
         str(call.args[0].value)
         for call in calls
         if isinstance(call, ast.Call)
-        and ast.unparse(call.func).lower().endswith("reason")
+        and ast.unparse(call.func).lower().endswith(("reason", "remark"))
         and call.args
         and isinstance(call.args[0], ast.Constant)
     }
