@@ -15,6 +15,8 @@ from grabberd.instrument.capture import capture_start
 from grabberd.instrument.capture.capture_request import CaptureRequest, NewCapture
 from grabberd.instrument.capture.capture_start import CaptureStart
 from grabberd.instrument.capture.device_captures import CurrentCaptures
+from grabberd.instrument.device.worker import NEWEST, Worker
+from grabberd.server.daemon.service import Service
 
 
 def test_a_device_that_does_not_stream_is_refused_with_its_cause_and_hint(tmp_path: Path) -> None:
@@ -80,45 +82,63 @@ def test_groups_of_the_same_moment_have_ids_of_their_own(
         assert ids == ["20260101T000000999Z", "20260101T000001000Z"]
 
 
+FIFTH = 4
+"""Number of a capture's fifth field; fields of the stream have greater ones after a while."""
+
+
+def streaming_beyond(number: int, service: Service) -> Worker:
+    """The worker, once numbers of the stream tell its fields from those of a capture."""
+    worker = service.instrument("left").worker
+    assert worker is not None
+    with worker.published:
+        assert worker.published.wait_for(
+            lambda: worker.live is not None and worker.live.measured.n > number, PATIENCE_S
+        )
+    return worker
+
+
+def wait_until_it_publishes_the_fifth_field(worker: Worker) -> None:
+    with worker.published:
+        assert worker.published.wait_for(
+            lambda: any(one.measured.n == FIFTH for one in worker.since(0)), PATIENCE_S
+        )
+
+
 def test_fields_are_measured_while_the_file_is_being_made(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     with several(tmp_path, {"left": {"pace": "real"}}) as service:
-        worker = service.instrument("left").worker
-        assert worker is not None
-        published: list[int] = []
+        worker = streaming_beyond(NEWEST + FIFTH, service)
 
         def slow(path: Path, *limits: int | None) -> object:
-            """Makes the file once five of its fields are published, of which none is late for it."""
-            with worker.published:
-                before = worker.live and worker.live.measured.n
-                assert worker.published.wait_for(
-                    lambda: worker.live is not None and 4 <= worker.live.measured.n < (before or 1 << 30),
-                    PATIENCE_S,
-                )
-                assert worker.live is not None
-                published.append(worker.live.measured.n)
+            wait_until_it_publishes_the_fifth_field(worker)
             return create(path, *limits)
 
         monkeypatch.setattr("grabberd.archive.capture.schema.create", slow)
         service.capture_control.start("left", CaptureRequest(fields=30))
         (file,) = sealed_all(service).values()
         with CaptureReader(file) as reader:
-            assert [n for n, _ in reader.points()] == [n for n, _ in enumerate(range(reader.ledger.received))]
-    assert published
+            assert len(list(reader.points())) == reader.ledger.received
 
 
-def test_what_was_measured_of_a_capture_that_did_not_start_is_forgotten(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+def test_a_start_that_failed_leaves_the_captures_before_and_after_it_as_they_are(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
 ) -> None:
-    def full(path: Path, *limits: int | None) -> object:
-        raise StorageError("the disk is full", "delete something")
-
     with several(tmp_path, {"left": {"pace": "real"}}) as service:
+        service.capture_control.start("left", CaptureRequest(fields=20))
+        sealed_all(service)
+        worker = streaming_beyond(2 * NEWEST, service)
+
+        def full(path: Path, *limits: int | None) -> object:
+            wait_until_it_publishes_the_fifth_field(worker)
+            raise StorageError("the disk is full", "delete something")
+
         with monkeypatch.context() as broken:
             broken.setattr("grabberd.archive.capture.schema.create", full)
             with pytest.raises(StorageError):
-                service.capture_control.start("left", CaptureRequest(fields=30))
+                service.capture_control.start("left", CaptureRequest(fields=300))
+        streaming_beyond(2 * NEWEST, service)
+        assert "measuring failed" not in caplog.text  # as of the capture before, whose fields are gone
         service.capture_control.start("left", CaptureRequest(fields=20))
         (file,) = sealed_all(service).values()
         with CaptureReader(file) as reader:

@@ -61,6 +61,7 @@ class Recording:
         committed: Number of slots that are committed to the file.
         first_time_ns: Time of the first field that has been written; None before that.
         measured: True if a worker measures the fields.
+        awaits_measuring: True until it has; as the last one of the device, a capture is measured once.
         measuring_failure: Why measuring ended early, or None.
         seal_failure: Why the file could not be sealed, or None.
         sealed: Set when the file has been closed for good, or given up, and `on_sealed` has returned.
@@ -84,7 +85,7 @@ class Recording:
         self.committed = 0
         self.first_time_ns: int | None = None
         self.measuring_failure: str | None = None
-        self.measured = measured
+        self.measured = self.awaits_measuring = measured
         self._findings: Mapping[str, Any] | None = None
         self._coverage: Coverage | None = None
         self._backlog = recorder.backlog
@@ -282,6 +283,7 @@ class Recording:
             findings: Entries for the metadata, or None.
             coverage: Coverage of the fields that it has measured, or None.
         """
+        self.awaits_measuring = False
         self._coverage = coverage
         self.measuring_failure = failure
         self._findings = findings

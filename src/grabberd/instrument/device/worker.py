@@ -123,8 +123,8 @@ class MeasurableRecording(Protocol):
     """A recording, as seen by the worker."""
 
     @property
-    def measured(self) -> bool:
-        """True if its fields are to be measured."""
+    def awaits_measuring(self) -> bool:
+        """True if its fields are to be measured, and have not been."""
         ...
 
     @property
@@ -224,7 +224,6 @@ class Worker(runtime.Thread):
         self._clock = clock
         self._fair_lock = fair_lock or FairLock()
         self._stopping = runtime.event()
-        self._done: MeasurableRecording | None = None
 
     def stop(self) -> None:
         """Ends the thread, after finishing a capture that is being measured."""
@@ -251,8 +250,7 @@ class Worker(runtime.Thread):
     def _unmeasured(self) -> MeasurableRecording | None:
         """The running capture, unless it has been measured already or is not measured."""
         recording = self._captures.starting or self._captures.recording
-        waits = recording is not None and recording.measured and recording is not self._done
-        return recording if waits else None
+        return recording if recording is not None and recording.awaits_measuring else None
 
     def _measure_capture(self, recording: MeasurableRecording) -> None:
         failure: str | None = "the program failed; the journal says how"
@@ -277,8 +275,6 @@ class Worker(runtime.Thread):
             failure = None
         finally:
             # Also after a fault: the writer seals the capture only once its points have ended.
-            # It remains the device's last recording: without this mark it would be measured again.
-            self._done = recording
             findings = {**self.rig.findings(), **self.field_order.findings()}
             recording.measuring_ended(failure, findings, coverage)
 
