@@ -33,6 +33,15 @@ def is_in_state(page: Page, state: str) -> None:
     expect(page.locator(".state")).to_have_attribute("data-state", state)
 
 
+def arm_together(page: Page, fields: int) -> None:
+    page.get_by_role("radio", name="Fields").check()
+    page.get_by_label("How many").fill(str(fields))
+    page.get_by_label("Wait for a second press").check()
+    page.get_by_label(TOGETHER).check()
+    page.get_by_role("button", name="Arm").click()
+    is_in_state(page, "armed")
+
+
 def newest(daemon: Daemon) -> list[dict[str, object]]:
     captures: list[dict[str, object]] = daemon.ask("/captures?limit=2")["captures"]
     return captures
@@ -53,12 +62,7 @@ def test_all_grabbers_are_started_and_stopped_together(daemon: Daemon, open_page
 
 def test_all_grabbers_are_armed_and_triggered_together(daemon: Daemon, open_page: Open) -> None:
     page = open_page(daemon.url).page
-    page.get_by_role("radio", name="Fields").check()
-    page.get_by_label("How many").fill("20")
-    page.get_by_label("Wait for a second press").check()
-    page.get_by_label(TOGETHER).check()
-    page.get_by_role("button", name="Arm").click()
-    is_in_state(page, "armed")
+    arm_together(page, 20)
     page.get_by_role("button", name="Start now").click()
     expect(page.locator(".last")).to_contain_text("20 fields")  # complete or not: the computer may be busy
     one, other = newest(daemon)
@@ -69,12 +73,7 @@ def test_start_now_counts_before_the_answer_to_arm_has_come(daemon: Daemon, open
     page = open_page(daemon.url).page
     answers: list[tuple[Route, APIResponse]] = []
     page.route("**/api/v1/capture-groups", lambda route: answers.append((route, route.fetch())))
-    page.get_by_role("radio", name="Fields").check()
-    page.get_by_label("How many").fill("22")
-    page.get_by_label("Wait for a second press").check()
-    page.get_by_label(TOGETHER).check()
-    page.get_by_role("button", name="Arm").click()
-    is_in_state(page, "armed")
+    arm_together(page, 22)
     page.get_by_role("button", name="Start now").click()
     expect(page.locator(".last")).to_contain_text("22 fields")
     ((route, answer),) = answers

@@ -84,9 +84,9 @@ class MeasuredField(NamedTuple):
 
 
 class Trackers:
-    """Trackers of one setup, for who measures with it again and again in one thread.
+    """Trackers of one setup, for those who measure with it again and again, in one thread.
 
-    They take a field's time and more to make, and have no state of their own.
+    They take longer to make than a field lasts, and keep nothing from field to field.
     """
 
     def __init__(self, setup: MeasureSetup) -> None:
@@ -94,7 +94,7 @@ class Trackers:
         self._made: dict[tuple[int, int], tuple[Tracker, DiscCentres | None]] = {}
 
     def of(self, lines: tuple[int, int]) -> tuple[Tracker, DiscCentres | None]:
-        """Tracker of fields with these lines, and the correction of its points; made at first."""
+        """Tracker of fields with these lines, and the correction of its points; made when first asked for."""
         if lines not in self._made:
             self._made[lines] = _tracker(self.setup, self.setup.calibration, lines)
         return self._made[lines]
@@ -127,10 +127,11 @@ def measure_fields(
             field is taken; with more the results are the same, in less time.
         before: Asked for the marks of the fields before the first, once that has come: so a rig that was
             knocked earlier is corrected from the first field on.
-        trackers: Of this setup, if they are known from earlier fields.
+        trackers: Of this setup, if they were made for earlier fields.
     """
     step: _Step | None = None
     trackers = trackers or Trackers(setup)
+    assert trackers.setup is setup, "trackers of another setup would measure with its calibration"
     watched = _watched(fields, setup.calibration, before)
     while some := list(islice(watched, ahead)):
         for (lines, *_), alike in groupby(some, _kind):

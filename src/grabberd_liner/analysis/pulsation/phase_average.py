@@ -31,6 +31,8 @@ _SLACK = 1.5
 """Fields per coefficient; fewer leave no freedom to estimate how cycles differ."""
 _DEGREE = 3
 """Of a target's place as a polynomial of the wall's movement, beside its own harmonics."""
+_NOTHING_NEW = 1e-5
+"""Share of the movement, below the noise of any field."""
 
 
 class PhaseAverage(NamedTuple):
@@ -136,7 +138,8 @@ def _averages(
 
 def _average(index: Indices, values: Array, covariance: Array, terms: Array, wanted: Array) -> _Average:
     """Least squares with equal weights for all fields; the covariance is propagated from theirs."""
-    solve = np.linalg.solve(terms.T @ terms, terms.T)
+    # A movement without steep flanks has no more harmonics than the series: then its powers tell nothing new.
+    solve = np.linalg.pinv(terms, rcond=_NOTHING_NEW)
     share = wanted @ solve
     mean = np.einsum("pf,fnx->pnx", share, values)
     noise = np.einsum("pf,fnxy->pnxy", share**2, covariance, optimize=True)

@@ -37,6 +37,16 @@ def test_places_of_the_mean_cycle_are_true_within_their_sigma() -> None:
     assert ((off / sigma) ** 2).mean() == pytest.approx(1.0, abs=0.15)
 
 
+def test_a_movement_without_steep_flanks_has_places_true_within_their_sigma() -> None:
+    smooth = {"opening": 0.49, "open": 0.01, "closing": 0.49}
+    found, pulsation = average(capture(times(150), 0.03, **smooth))
+    scene, start_s = EllipseLiner(liner(**smooth)), pulsation.runs[0].start_s + 10
+    for phase, points in zip(found.phase, found.points, strict=True):
+        true = scene.targets(round((start_s + phase * pulsation.period_s) * 1e9)).xyz_mm
+        sigma = np.sqrt(np.einsum("nii->ni", points.covariance_mm2))
+        assert (((points.xyz_mm - true[points.target - 1]) / sigma) ** 2).mean() < 1.4
+
+
 def test_a_closed_wall_stands_still_though_it_closes_within_three_fields() -> None:
     """With the harmonics of single targets alone it would swing by .02 mm, all targets alike."""
     steep = {"opening": 0.06, "open": 0.44, "closing": 0.06, "deflection_mm": 5.0, "period_s": 0.97}
